@@ -120,7 +120,9 @@ def subdivide(
     depends = np.abs(on_nodes) > _ROUNDED
 
     def renewed(rows: Ints, between: bool) -> Ints:
-        found = _stands_on(~np.isin(nodes, rows), parents, depends, pattern, children, between)
+        outside = np.ones(len(points), bool)
+        outside[rows] = False
+        found = _stands_on(outside[nodes], parents, depends, pattern, children, between)
         return np.sort(column[np.unique(found)])
 
     refined = replace(
