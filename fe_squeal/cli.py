@@ -67,6 +67,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         prepare()
         code = _run(arguments)
+    except InputError as error:  # of what has started the processes
+        print(one_line(f"error: {error}"), file=sys.stderr)
     finally:
         dismiss(code)
     return code

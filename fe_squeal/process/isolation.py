@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_KEYS = ("PYTHONSAFEPATH", "PYTHONPATH")
-_OF_MPIEXEC = ("OMPI_", "PMIX_", "PMI_")  # a child is none of the processes that mpiexec has started
+# A child is none of the processes that mpiexec or srun has started. By the last ones Open MPI would take it for one.
+_OF_MPIEXEC = ("OMPI_", "PMIX_", "PMI_", "MPI_LOCAL", "SLURM_STEP_ID", "SLURM_STEPID")
 
 
 def isolated_environment() -> dict[str, str]:
@@ -47,13 +47,19 @@ def import_matplotlib() -> None:
 @contextmanager
 def isolated_children() -> Iterator[None]:
     """Start the processes of multiprocessing inside the block in the environment of `isolated_environment`."""
-    before = {key: os.environ.get(key) for key in _KEYS}
-    os.environ.update({key: value for key, value in isolated_environment().items() if key in _KEYS})
+    before, inside = dict(os.environ), isolated_environment()
+    changed = {key for key in before.keys() | inside.keys() if before.get(key) != inside.get(key)}
+    _put(inside, changed)
     try:
         yield
     finally:
-        for key, value in before.items():
-            if value is None:
-                del os.environ[key]
-            else:
-                os.environ[key] = value
+        _put(before, changed)
+
+
+def _put(values: dict[str, str], keys: set[str]) -> None:
+    """Set the variables of these names, and remove those that have no value."""
+    for key in keys:
+        if key in values:
+            os.environ[key] = values[key]
+        else:
+            os.environ.pop(key, None)

@@ -18,6 +18,7 @@ import fe_squeal
 from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.errors import MeshError
+from fe_squeal.process import ranks
 from fe_squeal.process.isolation import isolated_children, isolated_environment
 from fe_squeal.study.pools import Processes, pool_of
 
@@ -63,6 +64,31 @@ def test_modules_of_the_user_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with isolated_children():
         assert "PYTHONSAFEPATH" in os.environ
     assert "PYTHONPATH" not in os.environ
+
+
+STARTED = {
+    "Open MPI": {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0", "PMIX_RANK": "0", "PMIX_NAMESPACE": "1"},
+    "MPICH": {"PMI_SIZE": "2", "PMI_RANK": "0", "PMI_FD": "7", "MPI_LOCALNRANKS": "2"},
+    "srun": {"PMIX_RANK": "0", "SLURM_NTASKS": "2", "SLURM_PROCID": "0", "SLURM_STEP_ID": "0"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("launcher", STARTED)
+def test_children_are_none_of_the_processes_of_mpiexec(launcher: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor does this process take itself for a single one meanwhile."""
+    for key in [key for key in os.environ if key.startswith(("OMPI_", "PMI", "MPI_", "SLURM_"))]:
+        monkeypatch.delenv(key)
+    for key, value in STARTED[launcher].items():
+        monkeypatch.setenv(key, value)
+    monkeypatch.setattr(ranks, "_TOLD", dict(os.environ))
+    before = dict(os.environ)
+    program = "from fe_squeal.process.ranks import process_count; print(process_count())"
+    with isolated_children():
+        inside = ranks.process_count()
+        left = {key for key in STARTED[launcher] if key in os.environ and not key.startswith("SLURM_")}
+        said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert (inside, left, said.strip()) == (2, set(), "1")
+    assert dict(os.environ) == before
 
 
 @pytest.mark.slow

@@ -132,6 +132,41 @@ def test_too_little_memory_is_refused_before_with_what_would_fit(tmp_path):
     assert re.search(r"of 51.2 MiB each does not fit; what would: .*[\d.]+ MiB for process 0 alone", said)
 
 
+def test_processes_that_mpi_does_not_join_are_refused(tmp_path):
+    """As under mpiexec of another MPI: each would wait for the others, which it cannot reach."""
+    scene = tmp_path / "block.toml"
+    scene.write_text(SCENE)
+    environment = {**os.environ, "PMI_SIZE": "2"}
+    for rank, code, said in (("0", 2, "error: MPI: petsc4py finds 1 process where what started this one tells of 2;"),
+                             ("1", 0, "")):  # fmt: skip
+        command = [sys.executable, "-m", "fe_squeal", "run", str(scene), "-o", str(tmp_path / "out")]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment | {"PMI_RANK": rank}, timeout=60)
+        assert done.returncode == code and done.stderr.startswith(said), done.stderr
+        assert done.stderr.count("\n") == bool(said)
+    assert not (tmp_path / "out").exists()
+
+
+# A program that knows nothing of several processes.
+ALONE = """
+import scipy.sparse as sp
+from fe_squeal.eigen.linear.mumps import MumpsFactor
+from fe_squeal.errors import InputError
+A = sp.csr_array(sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(50, 50)))
+for _ in range(2):
+    try:
+        MumpsFactor(A, True)
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_a_program_that_all_processes_run_is_refused_on_each():
+    code, out, err = ended(started(3, program=("-c", ALONE)), 60)
+    assert code == 0, err
+    said = [out.count(f"MPI: process {rank} of 3 runs a program that they all run") for rank in range(3)]
+    assert said == [2, 2, 2], out
+
+
 def helpers_of(process):
     """The processes of the command, by rank, once all run."""
     for _ in range(200):

@@ -141,6 +141,28 @@ def test_folders_of_runs_that_are_no_more_are_removed(tmp_path):
     assert made.is_dir() and {name: not (tmp_path / name).exists() for name in names} == names
 
 
+def test_on_another_machine_files_are_in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """It removes those of runs that were killed there, which the first process's machine does not see."""
+    import socket
+
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    host, disk = socket.gethostname(), tmp_path / "disk"  # which is not there before
+    whole = disk / f"fe_squeal_factors_elsewhere_{os.getpid()}_x"
+    monkeypatch.setattr(scratch, "_made", [])
+    scratch.scratch_folder.cache_clear()
+    own = scratch.own_folder(str(whole), 3)
+    assert own == scratch.own_folder(str(whole), 3) and own.is_dir() and not whole.exists()
+    killed = own.parent.rename(disk / f"fe_squeal_factors_{host}_{dead.pid}_x")
+    scratch.scratch_folder.cache_clear()
+    own = scratch.own_folder(str(whole), 3)
+    assert not killed.exists() and own.is_dir()
+    assert own.parent.name.startswith(f"fe_squeal_factors_{host}_{os.getpid()}_")
+    scratch.remove_scratch()
+    scratch.scratch_folder.cache_clear()
+    assert not list(disk.iterdir())
+
+
 # A process that is started by one of mpiexec's is none of these: it would be ended by MPI if it looked like one.
 OUTSIDE = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PRTE_"))}
 

@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import NotConvergedError, SceneError, TooLargeError
-from ...process.ranks import local_count, process_count
+from ...process.ranks import process_count
 from ..memory import available_memory, memory_text, require_memory
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
 from .petsc import MumpsOptions, Told, petsc
-from .processes import give_up, new_handle, together
+from .processes import give_up, local_count, new_handle, together
 from .refinement import contraction, refined
 from .scratch import scratch_folder
 

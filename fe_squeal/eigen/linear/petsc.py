@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...errors import InputError
+from ...process.ranks import process_count
 from .scratch import remove_scratch_at_exit
 
 # MUMPS' own switches (ICNTL and CNTL, users' guide, section 6) and what it tells (INFOG, section 8).
@@ -26,7 +28,13 @@ _FOLDER = "MUMPS_OOC_TMPDIR"  # where MUMPS looks for the folder of its files
 
 @functools.cache
 def petsc() -> Any:
-    """Return petsc4py's PETSc, or None where it cannot be loaded or has no MUMPS."""
+    """Return petsc4py's PETSc, or None where it cannot be loaded or has no MUMPS.
+
+    Raises
+    ------
+    InputError
+        MPI counts other processes than those that were started, by the variables that tell of them.
+    """
     remove_scratch_at_exit()
     try:
         import petsc4py
@@ -35,8 +43,18 @@ def petsc() -> Any:
         from petsc4py import PETSc
     except (ImportError, OSError):
         return None
+    _require_all(PETSc.COMM_WORLD.size)
     has_mumps = PETSc.Sys.hasExternalPackage("mumps") and PETSc.ScalarType is np.float64
     return PETSc if has_mumps else None
+
+
+def _require_all(found: int) -> None:
+    """Refuse processes that would wait for others that they cannot reach, or each take itself for the first one."""
+    if found != (told := process_count()):
+        raise InputError(
+            f"MPI: petsc4py finds {found} process{'es' * (found > 1)} where what started this one tells of {told};"
+            f" expected mpiexec of the MPI that petsc4py belongs to, or srun with --mpi=pmix or pmi2"
+        )
 
 
 @dataclass(frozen=True)

@@ -9,28 +9,40 @@ They wait for that asleep most of the time, so that they take no core from it.
 from __future__ import annotations
 
 import os
+import socket
 import sys
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from ...errors import InputError, NotConvergedError, TooLargeError
 from ...process.ranks import is_helper, process_count
 from . import column_parts
 from .column_parts import ends, gathered, scattered
 from .petsc import MumpsOptions, PetscMatrix, Told, petsc
 from .scratch import own_folder, remove_scratch
 
-_COMMAND, _END = 7, "end"  # tag of messages; the last one
+_COMMAND, _READY, _END = 7, 8, "end"  # tags of messages to the others, and of the first one from each; the last one
 _FIRST_WAIT, _LONGEST_WAIT = 1e-5, 2e-3  # s, between two looks for a message
 _PATIENCE = 20  # s, for which a process that is to end waits for the first one
 _matrices: dict[int, PetscMatrix] = {}
 _given_up: list[int] = []  # handles that nothing uses any more: released with the next command
-_state = {"handle": 0, "broken": False}
+
+
+@dataclass
+class _State:
+    handle: int = 0
+    under_way: bool = False  # a step that did not end leaves the others in the middle of it
+    failure: BaseException | None = None  # what ended it
+    machines: list[str] | None = None  # of all processes, once all are known to take part
+
+
+_state = _State()
 
 
 def _comm() -> Any:
@@ -112,20 +124,59 @@ def together(name: str, data: Any, **what: Any) -> Any:
     del _given_up[: len(what["given_up"])]
     if comm is None:
         return _take_part(comm, name, what, data)
-    if _state["broken"]:
-        raise KeyboardInterrupt  # the others are in the middle of a step that was interrupted
-    _state["broken"] = True
-    for other in range(1, comm.size):
-        comm.send((name, what), dest=other, tag=_COMMAND)
-    result = _take_part(comm, name, what, data)
-    _state["broken"] = False
+    _meet(comm)
+    if _state.under_way:
+        raise _after(_state.failure, comm.size) from _state.failure
+    _state.under_way = True
+    try:
+        for other in range(1, comm.size):
+            comm.send((name, what), dest=other, tag=_COMMAND)
+        result = _take_part(comm, name, what, data)
+    except BaseException as failure:
+        _state.failure = failure
+        raise
+    _state.under_way = False
     return result
+
+
+def _meet(comm: Any) -> None:
+    """Wait until all others are there to take part; a process that runs a program of its own is refused, and tells."""
+    if _state.machines is None and comm.rank:
+        _state.machines = []
+        comm.send(None, dest=0, tag=_READY)
+    elif _state.machines is None:
+        found = [comm.recv(source=other, tag=_READY) for other in range(1, comm.size)]
+        _state.machines = [] if None in found else [_machine(), *found]
+    if not _state.machines:
+        raise InputError(
+            f"MPI: process {comm.rank} of {comm.size} runs a program that they all run; expected one process, the"
+            f" command fe-squeal, or a program of process 0 alone while the others are in"
+            f" fe_squeal.eigen.linear.processes.help_out()"
+        )
+
+
+def _after(failure: BaseException | None, count: int) -> BaseException:
+    """Return what a step raises behind one that failed: the others are in the middle of that."""
+    if isinstance(failure, MemoryError):
+        return TooLargeError(f"this process had too little memory for its part of a step of {count} processes")
+    if isinstance(failure, Exception):
+        return NotConvergedError(f"a step of {count} processes failed: {type(failure).__name__}: {failure}")
+    return KeyboardInterrupt()
+
+
+def local_count() -> int:
+    """Return how many processes run on this machine, 1 without others; known to process 0 once all took part."""
+    return (_state.machines or [_machine()]).count(_machine())
+
+
+def _machine() -> str:
+    return socket.gethostname()
 
 
 def new_handle() -> int:
     """Return a number for what all processes have a part of: a matrix, or columns."""
-    _state["handle"] += 1
-    return _state["handle"]
+    _state.handle += 1
+    return _state.handle
 
 
 def give_up(handle: int) -> None:
@@ -151,6 +202,7 @@ def help_out() -> int:
         if petsc() is None:
             return 0  # process 0 says what is missing
         comm = _comm()
+        comm.send(_machine(), dest=0, tag=_READY)
         while True:
             if not comm.iprobe(source=0, tag=_COMMAND):
                 time.sleep(wait)
@@ -164,6 +216,8 @@ def help_out() -> int:
             if name == _END:
                 return int(what)
             _take_part(comm, name, what, None)
+    except InputError:
+        return 0  # process 0 finds the same, and says it
     except BaseException as error:  # whatever it is, the others wait for this process
         lines = traceback.format_exception_only(error)
         rank = comm.rank if comm is not None else "?"
@@ -177,20 +231,32 @@ def help_out() -> int:
 
 
 def prepare() -> None:
-    """Start MPI on process 0, for which the others wait."""
+    """Start MPI on process 0, for which the others wait.
+
+    Raises
+    ------
+    InputError
+        MPI counts other processes than those that its variables tell of.
+    """
     if process_count() > 1:
         petsc()
 
 
 def dismiss(code: int) -> None:
     """Let the other processes end, as the last thing that process 0 does."""
-    if process_count() == 1 or is_helper() or petsc() is None:
+    if process_count() == 1 or is_helper():
         return
-    comm = _comm()
+    try:
+        comm = None if petsc() is None else _comm()
+    except InputError:  # which `prepare` has raised
+        comm = None
+    if comm is None:
+        return
     sys.stdout.flush()
     sys.stderr.flush()
-    if _state["broken"]:  # the others wait for a step that does not come
+    if _state.under_way:  # the others wait for a step that does not come
         remove_scratch()
         comm.Abort(code)
+    _meet(comm)
     for other in range(1, comm.size):
         comm.send((_END, 0), dest=other, tag=_COMMAND)

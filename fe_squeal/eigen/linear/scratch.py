@@ -40,8 +40,15 @@ def scratch_folder(parent: str) -> Path:
 
 
 def own_folder(whole: str, rank: int) -> Path:
-    """Return the part of a run's folder that belongs to one process; on another machine it is made with its parents."""
-    own = Path(whole) / str(rank)
+    """Return the folder of one process: in the run's folder or, on another machine, in one of that machine's own.
+
+    Only there is it known which processes still live, and its disk may be another one.
+    """
+    run = Path(whole)
+    if not run.name.startswith(f"{_BEGIN}{socket.gethostname()}_"):
+        run.parent.mkdir(parents=True, exist_ok=True)
+        run = scratch_folder(str(run.parent))
+    own = run / str(rank)
     if not own.is_dir():
         own.mkdir(parents=True, exist_ok=True)
         _made.append(own)
