@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ..process.ranks import process_count
+from .linear.column_parts import pieces
 from .linear.processes import give_up, new_handle, together
 from .pages import empty_pages, give_back
 
 _LEAST = 20_000  # rows from which they are spread: a step of all processes costs up to some milliseconds of waiting
-_MOST = 2**27  # numbers that are sent at once: process 0 has these beside what it keeps; MPI counts to 2³¹ − 1
 
 
 class LocalStore:
@@ -81,7 +80,7 @@ class SpreadStore:
 
     def put(self, first: int, X: np.ndarray) -> None:
         """Put columns X (n, k) behind the first ones, in place of what is there."""
-        for begin, end in _pieces(self.n, X.shape[1]):
+        for begin, end in pieces(self.n, X.shape[1]):
             together("put columns", X[:, begin:end], handle=self.handle, n=self.n, first=first + begin,
                      columns=end - begin)  # fmt: skip
 
@@ -130,7 +129,7 @@ class SpreadColumns:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         whole = np.empty((self.shape[1], len(self))).T  # contiguous columns, as those of a store in one process
-        for begin, end in _pieces(*self.shape):
+        for begin, end in pieces(*self.shape):
             whole[:, begin:end] = self.combine(np.eye(self.shape[1])[:, begin:end])
         return whole if dtype is None else whole.astype(dtype, copy=False)
 
@@ -140,7 +139,7 @@ class SpreadColumns:
             return np.ascontiguousarray(self.combine(np.ascontiguousarray(y).view(float))).view(complex)
         parts = [
             together("combine columns", None, y=np.ascontiguousarray(y[:, begin:end]), **self._own())
-            for begin, end in _pieces(len(self), y.shape[1])
+            for begin, end in pieces(len(self), y.shape[1])
         ]
         return np.asarray(parts[0] if len(parts) == 1 else np.hstack([np.zeros((len(self), 0)), *parts]))
 
@@ -148,7 +147,7 @@ class SpreadColumns:
         """Return VᵀX (r, k) for X (n, k) float."""
         parts = [
             together("cross columns", X[:, begin:end], columns=end - begin, **self._own())
-            for begin, end in _pieces(*X.shape)
+            for begin, end in pieces(*X.shape)
         ]
         return np.asarray(parts[0] if len(parts) == 1 else np.hstack([np.zeros((self.shape[1], 0)), *parts]))
 
@@ -178,12 +177,7 @@ def transposed(V: Columns) -> np.ndarray:
         return np.zeros(V.shape[::-1])
     with tempfile.TemporaryFile() as file:
         whole = np.memmap(file, float, "w+", shape=V.shape[::-1])
-        for begin, end in _pieces(*V.shape):
+        for begin, end in pieces(*V.shape):
             whole[begin:end] = np.asarray(V[:, begin:end]).T
             whole.flush()
     return whole
-
-
-def _pieces(n: int, columns: int) -> Iterator[tuple[int, int]]:
-    step = max(1, _MOST // max(n, 1))
-    return ((begin, min(begin + step, columns)) for begin in range(0, columns, step))

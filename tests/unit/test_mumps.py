@@ -12,6 +12,7 @@ from chains import chain
 from scene_texts import replaced
 
 from fe_squeal import assemble, parse_scene, sweep
+from fe_squeal.eigen.linear import column_parts, mumps
 from fe_squeal.eigen.linear.choice import choose, factorize_definite
 from fe_squeal.eigen.linear.factor import SingularError
 from fe_squeal.eigen.linear.mumps import MumpsDefinite, MumpsFactor, has_mumps, told_of
@@ -46,6 +47,20 @@ def test_solves_in_all_three_ways(symmetric, imaginary):
     if not symmetric:  # what would not be told apart by a symmetric matrix
         assert np.abs(factor.solve(b) - factor.solve_transposed(b)).max() > 1e-3
     assert abs(A - before).max() == 0
+
+
+@pytest.mark.parametrize("imaginary", [False, True])
+def test_many_right_hand_sides_are_solved_in_pieces(imaginary, monkeypatch):
+    """MPI counts to 2³¹ − 1 numbers."""
+    A = matrix(False, imaginary)
+    factor = MumpsFactor(A, False)
+    b = np.random.default_rng(2).standard_normal((N, 7))
+    x, sent = factor.solve(b), []
+    monkeypatch.setattr(column_parts, "_MOST", 5 * N - 1)
+    step = mumps.together
+    monkeypatch.setattr(mumps, "together", lambda *a, **what: sent.append(a[1].size) or step(*a, **what))
+    np.testing.assert_allclose(factor.solve(b), x, rtol=0, atol=1e-12 * np.abs(x).max())
+    assert len(sent) > 1 and max(sent) < 5 * N
 
 
 @pytest.mark.parametrize("seed", range(3))

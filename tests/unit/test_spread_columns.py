@@ -46,7 +46,7 @@ def pair(seed=0):
 @pytest.mark.parametrize("most", [2**27, 3 * N])
 def test_products_are_those_of_an_array(most, monkeypatch):
     """In one piece, and in several where all at once is too much."""
-    monkeypatch.setattr(columns, "_MOST", most)
+    monkeypatch.setattr(column_parts, "_MOST", most)
     V, spread = pair()
     rng = np.random.default_rng(1)
     A = sp.random_array((N, N), density=0.1, random_state=rng, format="csr")

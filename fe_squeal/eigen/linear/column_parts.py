@@ -6,18 +6,26 @@ process 0 alone, which also gets the result. Without other processes `comm` is N
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ..pages import empty_pages, give_back
 
+_MOST = 2**27  # numbers that are sent at once: process 0 has these beside what it keeps; MPI counts to 2³¹ − 1
 _parts: dict[int, np.ndarray] = {}  # by handle the rows of this process, a column in each row of the array: (room, m)
 
 
 def ends(n: int, parts: int) -> np.ndarray:
     """Return where the rows (n,) of each process begin, and the end of the last one's: (parts + 1,)."""
     return np.array([n * i // parts for i in range(parts + 1)])
+
+
+def pieces(n: int, columns: int) -> Iterator[tuple[int, int]]:
+    """Return where the columns of an array (n, columns) begin and end that are sent at once."""
+    step = max(1, _MOST // max(n, 1))
+    return ((begin, min(begin + step, columns)) for begin in range(0, columns, step))
 
 
 def scattered(comm: Any, n: int, columns: int, whole: np.ndarray | None) -> np.ndarray:

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ...errors import NotConvergedError, SceneError, TooLargeError
 from ...process.ranks import process_count
 from ..memory import available_memory, memory_text, require_memory
+from .column_parts import pieces
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
 from .petsc import MumpsOptions, Told, petsc
@@ -133,11 +134,13 @@ class MumpsFactor:
         columns = np.asarray(b, dtype=float).reshape(self._size, -1)
         if not columns.shape[1]:
             return np.zeros(b.shape)
-        x: np.ndarray = together(
-            "solve", columns, handle=self._handle, n=self._size, columns=columns.shape[1], transposed=transposed
-        )
-        if not np.isfinite(x).all():
-            raise SingularError("MUMPS: the matrix is singular to working precision")
+        parts = []
+        for begin, end in pieces(*columns.shape):
+            parts.append(together("solve", columns[:, begin:end], handle=self._handle, n=self._size,
+                                  columns=end - begin, transposed=transposed))  # fmt: skip
+            if not np.isfinite(parts[-1]).all():
+                raise SingularError("MUMPS: the matrix is singular to working precision")
+        x: np.ndarray = parts[0] if len(parts) == 1 else np.hstack(parts)
         return x.reshape(b.shape)
 
     def __del__(self) -> None:
