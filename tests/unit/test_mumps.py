@@ -59,7 +59,7 @@ def test_many_right_hand_sides_are_solved_in_pieces(imaginary, monkeypatch):
     monkeypatch.setattr(column_parts, "_MOST", 5 * N - 1)
     step = mumps.together
     monkeypatch.setattr(mumps, "together", lambda *a, **what: sent.append(a[1].size) or step(*a, **what))
-    np.testing.assert_allclose(factor.solve(b), x, rtol=0, atol=1e-12 * np.abs(x).max())
+    np.testing.assert_allclose(factor.solve(b), x, rtol=0, atol=1e-7 * np.abs(x).max())
     assert len(sent) > 1 and max(sent) < 5 * N
 
 
