@@ -16,6 +16,7 @@ from fe_squeal.mesh.readers.nastran.coordinates import System, axes_at, to_globa
 # Its x, y and z are the basic y, z and x.
 CYCLIC = "CORD2R,7,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"
 SKEW = "CORD2R,7,,0.,0.,0.,0.,0.,1.\n,0.8,0.6,0.\n"
+SKEW_OF_GRIDS = "GRID,801,,0.,0.,0.\nGRID,802,,0.,0.,2.\nGRID,803,,8.,6.,0.\nCORD1R,7,801,802,803\n"
 
 
 def turned(text, *grids):
@@ -57,13 +58,14 @@ def test_freedoms_are_counted_in_the_displacement_system(tmp_path):
     assert_same(*pencils(known, scene))
 
 
-def test_springs_act_along_any_direction(tmp_path):
+@pytest.mark.parametrize("system", [SKEW, SKEW_OF_GRIDS], ids=["CORD2R", "CORD1R"])
+def test_springs_act_along_any_direction(tmp_path, system):
     text, middle = deck()
-    draft = draft_of(written(tmp_path, with_cards(turned(text, middle), f"{SKEW}CELAS2,50,80.,{middle},2\n")))
+    draft = draft_of(written(tmp_path, with_cards(turned(text, middle), f"{system}CELAS2,50,80.,{middle},2\n")))
     assert not told(draft)
     values = next(t.values for t in draft.tables if t.values.get("name") == "CELAS2_50")
     np.testing.assert_allclose(values["direction"], [-0.6, 0.8, 0.0], atol=1e-12)
-    text = with_cards(turned(text, middle), f"{SKEW}CELAS2,50,80.,{middle},2,{middle + 1},2\n")
+    text = with_cards(turned(text, middle), f"{system}CELAS2,50,80.,{middle},2,{middle + 1},2\n")
     with pytest.raises(SceneError, match=r"CELAS2 at line \d+: moves its ends along different directions"):
         scene_of(written(tmp_path, text))
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
-from test_decks_nastran import deck, mesh, order_of_corners
+from test_decks_nastran import HEX, SIZE, deck, mesh, order_of_corners
 from test_decks_nastran_parameters import changed, told, with_cards, written
 
+import fe_squeal
 from fe_squeal.decks.scene import draft_of, scene_of
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh import load_mesh
@@ -118,3 +120,18 @@ def test_shells_with_a_material_are_told(tmp_path, material, sentences):
     shell = f"CQUAD4,70,71,{','.join(map(str, FACE))}\nPSHELL,71,{material}\n"
     found = [re.sub(r" at line \d+:", "", line) for line in told(drafted(tmp_path, CASE, shell))]
     assert [line[: len(s)] for line, s in zip(found, sentences, strict=True)] == sentences
+
+
+def test_pressures_that_are_given_again_add_up(tmp_path):
+    """On all pressed faces by their other diagonals, on one of them a third time, and with another pressure."""
+    m, again = mesh(), []
+    for e, row in enumerate(order_of_corners(m), 1):
+        faces = [row[list(face)] + 1 for face in HEX]
+        again += [f"PLOAD4,5,{e},2.,,,,{f[1]},{f[3]}\n" for f in faces if np.allclose(m.p[2, f - 1], SIZE[2])]
+    more = "".join(again) + again[0] + again[0].replace(",2.,", ",1.,")
+    loads = []
+    for cards in ("", more):
+        scene, draft = scene_of(written(tmp_path, with_cards(deck()[0], cards)))
+        assert not told(draft)
+        loads.append(fe_squeal.assemble(scene).discretisation.static_state.load[2])
+    assert loads[1] == pytest.approx(loads[0] * (2 + 1.5 / len(again)), rel=1e-12) and len(again) == 6

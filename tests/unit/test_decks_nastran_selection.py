@@ -58,6 +58,13 @@ def test_complex_modes_are_those_of_their_own_card(tmp_path):
         assert chosen(draft)[2] == 3 and not told(draft)
 
 
+def test_complex_modes_without_a_number_are_as_many_as_the_real_ones(tmp_path):
+    case = "SPC = 7\nLOAD = 5\nMETHOD = 3\nCMETHOD = 4\n"
+    for card in ("EIGC,4,CLAN\n", "EIGC,4,CLAN,,,,,0\n"):
+        draft = drafted(tmp_path, case, OTHERS.replace("EIGC,4,,,,,,3\n", f"EIGC,5,CLAN,,,,,3\n{card}"))
+        assert chosen(draft)[2] == 6 and not told(draft)
+
+
 @pytest.mark.parametrize(("old", "new"), [
     ("EIGRL,13,,,2\n", "EIGRL,13,800.,9000.,20\n"), ("EIGRL,13,,,2\n", "EIGR,13,LAN,800.,9000.,,20\n"),
 ])  # fmt: skip

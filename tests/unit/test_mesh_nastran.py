@@ -84,7 +84,39 @@ def test_spherical_system_in_a_shifted_one(tmp_path):
     assert np.allclose(sorted(mesh.p.T.tolist()), [[5, 0, 0], [5, 0, 1], [5, 1, 0], [6, 0, 0]], atol=1e-14)
 
 
+def test_systems_of_grid_points(tmp_path):
+    """CORD1S of grid points in a CORD2R, which is defined in a CORD1R: the same node 4; two systems on one card."""
+    text = (
+        "CORD1S,2,11,12,13\nCORD1R,6,11,13,14,5,11,12,13\nCORD1R,3,21,22,23\nCORD2R,1,3,5.,0.,0.,5.,0.,1.\n,6.,0.,0.\n"
+        "GRID,11,1,0.,0.,0.\nGRID,12,1,0.,0.,1.\nGRID,13,1,1.,0.,0.\nGRID,14,,5.,1.,0.\n"
+        "GRID,21,,0.,0.,0.\nGRID,22,,0.,0.,2.\nGRID,23,,3.,0.,0.\n"
+        "GRID,1,2,0.,0.,0.\nGRID,2,2,1.,90.,0.\nGRID,3,2,1.,90.,90.\nGRID,4,5,0.,0.,1.\nCTETRA,1,1,1,2,3,4\n"
+    )
+    mesh = written(tmp_path, text).mesh
+    assert np.allclose(sorted(mesh.p.T.tolist()), [[5, 0, 0], [5, 0, 1], [5, 1, 0], [6, 0, 0]], atol=1e-14)
+
+
+@pytest.mark.parametrize(("suffix", "line", "nodes", "element"), [
+    (".inp", "*INCLUDE, INPUT={}\n", "*NODE\n1, 0., 0., 0.\n2, {}, 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n",
+     "*ELEMENT, TYPE=C3D4, ELSET=BODY\n5, 1, 2, 3, 4\n"),
+    (".bdf", "  INCLUDE '{}'\n", GRIDS.replace("1.,0.,0.", "{},0.,0."), "CTETRA,1,1,1,2,3,4\n"),
+], ids=["Abaqus", "Nastran"])  # fmt: skip
+def test_includes_of_includes_are_beside_them_or_beside_the_mesh_file(tmp_path, suffix, line, nodes, element):
+    """Where there is one in both places, Abaqus takes that beside the job, Nastran that beside the including file."""
+    (tmp_path / "sub").mkdir()
+    path = tmp_path / f"a{suffix}"
+    path.write_text(line.format("sub/b.inc"))
+    for name, places, length in (("sub/c.inc", ["sub/c.inc"], 2), ("c.inc", ["sub/c.inc"], 2),
+                                 ("c.inc", ["sub/c.inc", "c.inc"], 3 if suffix == ".inp" else 2)):  # fmt: skip
+        (tmp_path / "sub" / "b.inc").write_text(line.format(name) + element)
+        for place in places:
+            (tmp_path / place).write_text(nodes.format("2." if "/" in place else "3."))
+        assert load_mesh(path).mesh.p[0].max() == pytest.approx(length)
+
+
 @pytest.mark.parametrize(("text", "message"), [
+    ("CORD1R,1,1,2,9\n" + GRIDS, r"line 1: CORD1R 1 is not readable \(GRID 9 does not exist\)"),
+    ("CORD1R,1,2,3,4\n" + GRIDS.replace("GRID,2,", "GRID,2,1"), "GRID 2 is given in coordinate system 1, which"),
     ("hello\n", "no GRID entries; expected Nastran bulk data"),
     (GRIDS + "CTETRA,1,1,1,2,3,9\n", "element 1 refers to node 9, which the file does not define"),
     (GRIDS + "CTETRA,1,1,1,2,3\n", "CTETRA 1 needs 4 corner nodes; some are blank"),

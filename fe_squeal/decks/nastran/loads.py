@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from ...mesh.readers.nastran.faces import is_directed
+from collections.abc import Sequence
+
+from ...mesh.raw import CellBlock
+from ...mesh.readers.nastran.faces import is_directed, pressed_faces
 from ..draft import Value
 from .cards import Deck
 from .materials import clean
 
 
-def write_effects(deck: Deck, solids: set[int], mu: float | None) -> None:
+def write_effects(deck: Deck, blocks: Sequence[CellBlock], mu: float | None) -> None:
     """Write friction, and the pressures that the case control selects, all of the deck where it selects none.
 
     Parameters
     ----------
     deck : Deck
-    solids : set of int
-        Numbers of the solid elements.
+    blocks : sequence of CellBlock
+        The solid elements.
     mu : float, optional
         Friction coefficient of the contacts.
 
@@ -27,10 +30,9 @@ def write_effects(deck: Deck, solids: set[int], mu: float | None) -> None:
     if mu:
         deck.draft.add("effects", "friction", values={"mu": mu}).comments.append("the contacts' largest coefficient")
     factors = _factors(deck)
-    by_set: dict[int, list[float]] = {}
+    solids = {label for block in blocks for label in block.labels.tolist()}
     for card in deck.of("PLOAD4"):
-        sid = deck.whole(card, 0)
-        if factors is None or sid in factors:
+        if factors is None or deck.whole(card, 0) in factors:
             if deck.whole(card, 1) not in solids:
                 deck.find(card, "acts on a shell and is left out: [effects.preload] takes pressures on solids")
                 continue
@@ -40,14 +42,12 @@ def write_effects(deck: Deck, solids: set[int], mu: float | None) -> None:
             value = deck.number(card, 2)
             if any(card.text(i) and deck.number(card, i) != value for i in (3, 4, 5)):
                 deck.find(card, "differs from corner to corner; the first corner's pressure is taken")
-            if value not in by_set.setdefault(sid, []):
-                by_set[sid].append(value)
-    pressures: dict[str, Value] = {}
-    for sid, values in by_set.items():
-        factor = 1.0 if factors is None else factors[sid]
-        for i, value in enumerate(values, 1):
-            name = f"PLOAD4_{sid}" if len(values) == 1 else f"PLOAD4_{sid}_{i}"
-            pressures[name] = clean(value * factor * deck.units.pressure)
+    pressed = [card for card in deck.of("PLOAD4") if not is_directed(card)]
+    pressures: dict[str, Value] = {
+        name: clean(value * (1.0 if factors is None else factors[sid]) * deck.units.pressure)
+        for name, (sid, value, _) in pressed_faces(pressed, blocks, deck.labels, deck.source).items()
+        if factors is None or sid in factors
+    }
     if pressures:
         table = deck.draft.add("effects", "preload", values={"pressures": pressures})
         more = "; all sets of the deck" if factors is None else ""

@@ -140,7 +140,10 @@ def _axes(deck: Deck, card: Card) -> Value | None:
         return None
     system = deck.systems.get(number)
     if system is None or system.kind != "R" or system.reference != 0:
-        text = f"has its material axes in system {number}: only one that is the same throughout, CORD2R, is simulated"
+        text = (
+            f"has its material axes in system {number}: only one that is the same throughout, CORD2R or CORD1R, is"
+            " simulated"
+        )
         deck.find(card, text, "missing")
         return None
     a, b, c = system.points

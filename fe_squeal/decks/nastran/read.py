@@ -9,7 +9,13 @@ import numpy as np
 from ...mesh.building import build_mesh
 from ...mesh.elements import SHAPE
 from ...mesh.raw import CellBlock
-from ...mesh.readers.nastran.coordinates import SYSTEMS, read_system
+from ...mesh.readers.nastran.coordinates import (
+    OF_GRIDS,
+    SYSTEMS,
+    read_system,
+    read_systems_of_grids,
+    with_systems_of_grids,
+)
 from ...mesh.readers.nastran.deck import read_nastran
 from ...mesh.readers.nastran.text import Card, read_cards, read_lines
 from ...mesh.readers.sources import Sources
@@ -48,13 +54,14 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
 }  # fmt: skip
 # What leaves the answer as it is, or belongs to the mesh.
 SILENT = {
+    "CORD1R", "CORD1C", "CORD1S",
     "CORD2R", "CORD2C", "CORD2S", "CTETRA", "CHEXA", "CPENTA", "CPYRAM", "CPYRA", "CTRIA3",
     "CTRIA6", "CTRIAR", "CQUAD4", "CQUAD8", "CQUADR", "CQUAD", "PLOTEL", "INCLUDE", "ENDDATA", "SET", "ASET",
     "ASET1", "EIGB", "MDLPRM", "DOPTPRM", "BCTPARM", "NLPARM", "NLPCI", "TSTEP", "DTI", "SPOINT",
 }  # fmt: skip
 BECOMES: dict[str, str] = {
     "MAT1, MAT9, MAT11": "`[materials.mat_N]`, where a property uses it; GE is `loss_factor`; MAT9 only orthotropic",
-    "PSOLID": "`[bodies.NAME]`, by the name that the preprocessor's comments give; CORDM of CORD2R: `axes`",
+    "PSOLID": "`[bodies.NAME]`, by the name that the preprocessor's comments give; CORDM of CORD2R or CORD1R: `axes`",
     "SPC, SPC1, SPCADD": "`[[supports]]` of the set that the case control selects",
     "GRID, GRDSET": "PS: `[[supports]]`; CD turns what SPC, PS, CELAS and CDAMP do there: springs along any direction,"
     " supports where what they hold is along x, y and z; else they are asked for",
@@ -103,7 +110,11 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     draft.head.append(f"Made by fe-squeal new from the Nastran deck {source}.")
     deck = Deck(source, cards, raw.node_labels, raw.points, _on_solids(raw.blocks, len(raw.points)), draft,
                 select(read_subcases(lines), draft))  # fmt: skip
-    deck.systems = dict(read_system(card) for card in deck.of(*SYSTEMS))
+    of_grids = [read_systems_of_grids(card, deck.labels) for card in deck.of(*OF_GRIDS)]
+    deck.systems = with_systems_of_grids(
+        dict(read_system(card) for card in deck.of(*SYSTEMS)), {n: s for own in of_grids for n, s in own.items()},
+        deck.points, np.zeros(len(deck.points), np.int64),
+    )  # fmt: skip
     deck.turned = {deck.whole(card, 0): card for card in deck.of("GRID") if deck.whole(card, 5) > 0}
     read_parameters(deck)
     materials = read_materials(deck)
@@ -119,7 +130,7 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_springs(deck, held, references)
     write_ties(deck, ties, held, references)
     mu = write_contacts(deck, loaded, materials)
-    write_effects(deck, {label for block in raw.blocks for label in block.labels.tolist()}, mu)
+    write_effects(deck, raw.blocks, mu)
     write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():
@@ -153,18 +164,22 @@ def _on_solids(blocks: tuple[CellBlock, ...], count: int) -> np.ndarray:
 
 
 def _write_solution(deck: Deck) -> None:
-    """Write the number of modes, or the highest frequency; those of CMETHOD are of EIGC alone."""
+    """Write the number of modes, or the highest frequency: of CMETHOD's EIGC or, where that has none, of METHOD.
+
+    An EIGC without a number asks for as many complex modes as there are real ones.
+    """
     values: dict[str, Value] = {}
-    complex_ones = deck.selected.get("CMETHOD")
-    chosen = complex_ones or deck.selected.get("METHOD") or set()
-    # Fields of the number of modes, the highest and the lowest frequency or shift point; EIGC may have its own below.
-    places = {"EIGRL": (3, 2, 1), "EIGR": (5, 3, 2), "EIGC": (6, -1, 9)}
-    for name, (count, highest, lowest) in places.items():
+    complex_ones, real_ones = deck.selected.get("CMETHOD", set()), deck.selected.get("METHOD", set())
+    nothing = not complex_ones and not real_ones  # is selected: all cards count
+    # Cards with what selects them and the fields of the number of modes, the highest and the lowest frequency or shift
+    # point; EIGC may have its own below.
+    places = [("EIGC", complex_ones, 6, -1, 9), ("EIGRL", real_ones, 3, 2, 1), ("EIGR", real_ones, 5, 3, 2)]
+    for name, chosen, count, highest, lowest in [*places[1:], places[0]] if nothing else places:
         for card in deck.of(name):
-            if (chosen and deck.whole(card, 0) not in chosen) or (complex_ones and name != "EIGC"):
+            if not nothing and deck.whole(card, 0) not in chosen:
                 continue
             number = card.text(count) or (card.text(_OF_REGION) if name == "EIGC" else "")
-            if number.isdigit():
+            if number.isdigit() and int(number):
                 values = {"modes": int(number)}
             elif highest >= 0 and card.text(highest):
                 values = {"max_frequency": clean(deck.number(card, highest) / deck.units.time)}

@@ -108,7 +108,8 @@ def _bush(deck: Deck, card: Card, owner: Card) -> Iterator[Spring]:
     system = deck.systems.get(deck.whole(card, 7))
     # Without CID the axes follow from GO, X or both grid points; those of a polar system differ from point to point.
     if (not card.text(7) and directed) or (system is not None and system.kind != "R" and apart):
-        deck.find(card, "acts along axes of its own, which are not read; expected CID of CORD2R, or 0", "missing")
+        text = "acts along axes of its own, which are not read; expected CID of CORD2R or CORD1R, or 0"
+        deck.find(card, text, "missing")
         return
     axes = axes_of(deck, card, deck.whole(card, 7), grids[0]) if grids else None
     if axes is None:

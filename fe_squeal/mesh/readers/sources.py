@@ -31,8 +31,8 @@ class Sources:
     _files: int = field(default=0, init=False)
     _bytes: int = field(default=0, init=False)
 
-    def find(self, name: str, includer: Path, where: str) -> Path:
-        """Return the path of a file that another one includes.
+    def find(self, name: str, includer: Path, where: str, of_job: bool = False) -> Path:
+        """Return the path of a file that another one includes, relative to that one or to the mesh file.
 
         Parameters
         ----------
@@ -42,6 +42,8 @@ class Sources:
             The file that names it.
         where : str
             The line that names it, for messages.
+        of_job : bool
+            Whether the folder of the mesh file is tried first, as by Abaqus, which takes that of the job.
 
         Raises
         ------
@@ -49,23 +51,27 @@ class Sources:
             The file does not exist, is no regular file, or lies outside of the allowed folders.
         """
         source = self.path.name
-        target = includer.parent / name.replace("\\", "/")
+        own, job = (folder / name.replace("\\", "/") for folder in (includer.parent, self.path.parent))
         try:
-            real = target.resolve()
+            places = [p for p in ((job, own) if of_job else (own, job)) if self._is_inside(p)]
         except (OSError, ValueError, RuntimeError) as error:
             raise MeshError(f'{source}: {where}: the included file "{name}" has no place ({error})') from None
-        inside = (self.path.parent, *self.folders)
-        if not self.allow_outside and not any(real.is_relative_to(folder.resolve()) for folder in inside):
+        if not places:
             raise MeshError(
                 f'{source}: {where}: the included file "{name}" lies outside of the folders of the mesh and of the'
                 " scene; copy it there, or set allow_outside = true in [mesh]"
             )
+        target = next((p for p in places if p.exists()), places[0])
         if not target.exists():
             near = [p.name for p in target.parent.iterdir()] if target.parent.is_dir() else []
             raise MeshError(f'{source}: {where}: the included file "{name}" does not exist{suggest(target.name, near)}')
         if not target.is_file():
             raise MeshError(f'{source}: {where}: the included file "{name}" is no regular file')
         return target
+
+    def _is_inside(self, target: Path) -> bool:
+        real, inside = target.resolve(), (self.path.parent, *self.folders)
+        return self.allow_outside or any(real.is_relative_to(folder.resolve()) for folder in inside)
 
     def lines(self, path: Path, depth: int, kind: str) -> list[str]:
         """Return the lines of a text file.

@@ -99,7 +99,7 @@ def _logical_lines(sources: Sources, path: Path, depth: int) -> Iterator[tuple[s
             at += 1
         block = _keyword(line, f"{path.name} line {number}") if line[:8].upper() == "*INCLUDE" else None
         if block is not None and block.keyword == "INCLUDE" and block.value("INPUT"):
-            target = sources.find(block.value("INPUT"), path, block.where)
+            target = sources.find(block.value("INPUT"), path, block.where, of_job=True)
             yield from _logical_lines(sources, target, depth + 1)
         else:
             yield line, path, number
@@ -110,7 +110,7 @@ def _with_input(block: KeywordBlock, sources: Sources, path: Path) -> KeywordBlo
     name = block.value("INPUT")
     if not name:
         return block
-    target = sources.find(name, path, block.where)
+    target = sources.find(name, path, block.where, of_job=True)
     extra = sources.lines(target, 1, f"data lines of *{block.keyword}")
     lines = [line.strip() for line in extra if line.strip() and not line.lstrip().startswith("*")]
     return replace(block, lines=block.lines + lines, foreign=True)

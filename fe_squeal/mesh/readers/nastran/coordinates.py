@@ -1,15 +1,17 @@
-"""Nastran coordinate systems CORD2R, CORD2C and CORD2S, one defined in another."""
+"""Nastran coordinate systems: CORD2R, CORD2C and CORD2S, one defined in another, CORD1R, ... by grid points."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...raw import Floats
+from ...raw import Floats, Ints, rows_of
 from .text import Card, real
 
 SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
+OF_GRIDS = ("CORD1R", "CORD1C", "CORD1S")
 
 
 @dataclass(frozen=True)
@@ -21,10 +23,66 @@ class System:
     points: Floats
 
 
+@dataclass(frozen=True)
+class SystemOfGrids:
+    """A coordinate system by the rows (3,) of grid points that are its points A, B, C."""
+
+    kind: str
+    rows: Ints
+
+
 def read_system(card: Card) -> tuple[int, System]:
     """Return the number and the system that a card defines; A is the origin, B on the z axis, C in the xz plane."""
     values = np.array([real(card.text(i)) for i in range(2, 11)]).reshape(3, 3)
     return int(card.text(0)), System(card.name[-1], int(card.text(1) or 0), values)
+
+
+def read_systems_of_grids(card: Card, labels: Ints) -> dict[int, SystemOfGrids]:
+    """Return the one or two systems of a CORD1R, CORD1C or CORD1S by their numbers; labels (n,) are of grid points.
+
+    Raises
+    ------
+    ValueError
+        A field is no whole number, or no grid point has that number.
+    """
+    found = {}
+    for first in (0, 4):
+        if card.text(first):
+            grids = [int(card.text(first + i)[:18]) for i in (1, 2, 3)]  # a number of more digits is no grid point's
+            rows = rows_of(np.array(grids), labels)
+            if (rows < 0).any():
+                raise ValueError(f"GRID {card.text(first + 1 + int(np.argmin(rows)))} does not exist")
+            found[int(card.text(first))] = SystemOfGrids(card.name[-1], rows)
+    return found
+
+
+def with_systems_of_grids(
+    systems: Mapping[int, System], of_grids: Mapping[int, SystemOfGrids], points: Floats, numbers: Ints
+) -> dict[int, System]:
+    """Return systems together with those that grid points define, in basic coordinates.
+
+    Those whose points have no place, because a system is missing or depends on itself, are left out.
+
+    Parameters
+    ----------
+    systems, of_grids : mapping
+    points : (n, 3) float
+        Coordinates of the grid points, in the systems of the given numbers (n,) int.
+    """
+    found, waiting = dict(systems), dict(of_grids)
+    while waiting:
+        ready = {}
+        for number, given in waiting.items():
+            try:
+                places = [to_global(points[[row]], int(numbers[row]), found)[0] for row in given.rows]
+            except ValueError:  # perhaps it is defined in one of those that are waiting
+                continue
+            ready[number] = System(given.kind, 0, np.array(places))
+        if not ready:
+            break
+        found |= ready
+        waiting = {number: given for number, given in waiting.items() if number not in ready}
+    return found
 
 
 def to_global(points: Floats, number: int, systems: dict[int, System], seen: tuple[int, ...] = ()) -> Floats:

@@ -17,7 +17,16 @@ from fe_squeal.errors import MeshError
 from ...checking import connect
 from ...raw import CellBlock, Ints, RawMesh, check_unique_nodes
 from ..sources import Sources
-from .coordinates import SYSTEMS, System, read_system, to_global
+from .coordinates import (
+    OF_GRIDS,
+    SYSTEMS,
+    System,
+    SystemOfGrids,
+    read_system,
+    read_systems_of_grids,
+    to_global,
+    with_systems_of_grids,
+)
 from .faces import faces_of_elements, named_faces
 from .text import Card, read_cards, read_lines, real
 
@@ -62,6 +71,7 @@ def read_nastran(sources: Sources) -> RawMesh:
     skipped: dict[str, int] = {}
     faced: list[Card] = []
     listed: list[Card] = []
+    of_grids: list[Card] = []
     default = 0
     for card in read_cards(lines):
         if card.name == "GRID":
@@ -71,6 +81,8 @@ def read_nastran(sources: Sources) -> RawMesh:
         elif card.name in SYSTEMS:
             number, system = _guarded(read_system, card, source)
             systems[number] = system
+        elif card.name in OF_GRIDS:
+            of_grids.append(card)
         elif card.name in ("PLOAD4", "BSURFS"):
             faced.append(card)
         elif card.name == "BSURF":
@@ -81,7 +93,7 @@ def read_nastran(sources: Sources) -> RawMesh:
             skipped[card.name] = skipped.get(card.name, 0) + 1
     if not grids:
         raise MeshError(f"{source}: no GRID entries; expected Nastran bulk data (is the file of another kind?)")
-    labels, points = _points(grids, systems, default, source)
+    labels, points = _points(grids, systems, of_grids, default, source)
     volumes: dict[str, list[Ints]] = {}
     surfaces: dict[str, list[Ints]] = {}
     blocks: list[CellBlock] = []
@@ -128,16 +140,23 @@ def _whole(card: Card, i: int, source: str) -> int:
     raise MeshError(f'{source}: {card.where}: {card.name} {card.text(0)} has "{text}" where a whole number is expected')
 
 
-def _points(grids: list[Card], systems: dict[int, System], default: int, source: str) -> tuple[Ints, np.ndarray]:
+def _points(
+    grids: list[Card], systems: dict[int, System], of_grids: list[Card], default: int, source: str
+) -> tuple[Ints, np.ndarray]:
     labels = np.array([_whole(card, 0, source) for card in grids], dtype=np.int64)
     cps = np.array([_whole(card, 1, source) if card.text(1) else default for card in grids], dtype=np.int64)
     points = np.array([_guarded(lambda c: [real(c.text(i)) for i in (2, 3, 4)], card, source) for card in grids])
+    defined: dict[int, SystemOfGrids] = {}
+    for card in of_grids:
+        defined |= _guarded(lambda c: read_systems_of_grids(c, labels), card, source)
+    systems = with_systems_of_grids(systems, defined, points, cps)
     for cp in np.unique(cps[cps != 0]):
         which = cps == cp
         if int(cp) not in systems:
             raise MeshError(
                 f"{source}: GRID {labels[which][0]} is given in coordinate system {cp}, which the file does not define "
-                "as CORD2R, CORD2C or CORD2S; export it, or write the grid points in the basic system"
+                "by CORD2R, CORD1R or the like, or by grid points that are given in it; export it, or write the grid"
+                " points in the basic system"
             )
         try:
             points[which] = to_global(points[which], int(cp), systems)

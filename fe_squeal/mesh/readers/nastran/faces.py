@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,13 +18,33 @@ from .text import Card, ranges, real
 def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints, source: str) -> dict[str, list[Ints]]:
     """Return the corners (f, 3 or 4) of the faces of PLOAD4 and BSURFS, by the name of their group.
 
-    The group of load set 3 is PLOAD4_3, or PLOAD4_3_1, PLOAD4_3_2, ... if the set has several pressures; that of
-    BSURFS 4 is BSURFS_4. Faces on which PLOAD4 acts along a direction of its own are the group PLOAD4_3_directed.
+    The group of load set 3 is PLOAD4_3, or PLOAD4_3_1, PLOAD4_3_2, ... if the set has several pressures, or one several
+    times on a face; that of BSURFS 4 is BSURFS_4. Faces on which PLOAD4 acts along a direction of its own are the group
+    PLOAD4_3_directed.
 
     Raises
     ------
     MeshError
         A card names a face that its element does not have.
+    """
+    return {
+        name: [np.array([f for f in faces if len(f) == n], dtype=np.int64).reshape(-1, n) for n in (3, 4)]
+        for name, (_, _, faces) in pressed_faces(cards, blocks, labels, source).items()
+    }
+
+
+def pressed_faces(
+    cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints, source: str
+) -> dict[str, tuple[int, float, list[Ints]]]:
+    """Return the set, the pressure in the file's unit and the corners (3 or 4,) of each face, by the name of the group.
+
+    A face on which a set has one pressure several times is in as many groups: the pressures add up. The pressure is 0
+    for BSURFS and for PLOAD4 along a direction of its own, whose faces are in one group however often they are named.
+
+    Raises
+    ------
+    MeshError
+        As of `named_faces`.
     """
     if not cards:
         return {}
@@ -31,7 +52,9 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
     for block in blocks:
         corners = block.nodes[:, : corner_count(block.kind)]
         place.update(zip(block.labels.tolist(), ((SHAPE[block.kind], row) for row in corners), strict=True))
-    found, rows = dict[str, dict[float, list[Ints]]](), Rows(labels)
+    found: dict[tuple[str, int], dict[tuple[float, int], list[Ints]]] = {}
+    times: Counter[tuple[object, ...]] = Counter()
+    rows = Rows(labels)
     for card in cards:
         try:
             if card.name == "PLOAD4":
@@ -40,27 +63,29 @@ def named_faces(cards: Sequence[Card], blocks: Sequence[CellBlock], labels: Ints
                     continue  # a pressure on a shell
                 given = [int(card.text(i)) for i in (6, 7) if card.text(i)]
                 face = _face(*place[element], rows(np.array(given)), opposite=len(given) == 2)
-                name = f"PLOAD4_{int(card.text(0))}{'_directed' if is_directed(card) else ''}"
-                pressure = 0.0 if is_directed(card) else real(card.text(2))
-                found.setdefault(name, {}).setdefault(pressure, []).append(face)
+                sid, directed = int(card.text(0)), is_directed(card)
+                pressure = 0.0 if directed else real(card.text(2))
+                times[key := (sid, directed, pressure, *sorted(face.tolist()))] += 1
+                groups = found.setdefault((f"PLOAD4_{sid}{'_directed' if directed else ''}", sid), {})
+                groups.setdefault((pressure, 1 if directed else times[key]), []).append(face)
                 continue
             for i in range(4, len(card.fields), 4):
                 if card.text(i):
                     element = int(card.text(i))
                     three = rows(np.array([int(card.text(i + j)) for j in (1, 2, 3)]))
                     face = _face(*place[element], three, opposite=False)
-                    found.setdefault(f"BSURFS_{int(card.text(0))}", {}).setdefault(0.0, []).append(face)
+                    sid = int(card.text(0))
+                    found.setdefault((f"BSURFS_{sid}", sid), {}).setdefault((0.0, 1), []).append(face)
         except (ValueError, KeyError, IndexError, OverflowError):
             raise MeshError(
                 f"{source}: {card.where}: {card.name} {card.text(0)[:20]} names no face of a solid; expected a solid"
                 " and grid points of one of its faces"
             ) from None
-    groups: dict[str, list[Ints]] = {}
-    for name, by_pressure in found.items():
-        for i, faces in enumerate(by_pressure.values(), 1):
-            own = name if len(by_pressure) == 1 else f"{name}_{i}"
-            groups[own] = [np.array([f for f in faces if len(f) == n], dtype=np.int64).reshape(-1, n) for n in (3, 4)]
-    return groups
+    return {
+        name if len(groups) == 1 else f"{name}_{i}": (sid, pressure, faces)
+        for (name, sid), groups in found.items()
+        for i, ((pressure, _), faces) in enumerate(groups.items(), 1)
+    }
 
 
 def is_directed(card: Card) -> bool:

@@ -62,8 +62,9 @@ def read_lines(sources: Sources, path: Path | None = None, depth: int = 0) -> It
     """
     path = path or sources.path
     for number, line in enumerate(sources.lines(path, depth, "Nastran bulk data"), 1):
-        if line[:7].upper() == "INCLUDE" and line[7:8] in (" ", "'", '"'):
-            name = line[7:].split("$")[0].strip().strip("'\"").strip()
+        statement = line.lstrip()
+        if statement[:7].upper() == "INCLUDE" and statement[7:8] in (" ", "'", '"'):
+            name = statement[7:].split("$")[0].strip().strip("'\"").strip()
             target = sources.find(name, path, f"{path.name} line {number}")
             yield from read_lines(sources, target, depth + 1)
         else:
