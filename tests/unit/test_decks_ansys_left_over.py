@@ -117,13 +117,31 @@ def test_stiffness_of_surfaces_is_listed(tmp_path, row, listed):
     assert [(f.what, f.weight) for f in draft.findings] == ([("SURF154", "changes")] if listed else [])
 
 
+def free_face():
+    """The corners I, J, K, L of the first element of which no other one has them, and its row."""
+    solids = mapdl_archive.Archive(HEX, parse_vtk=False).elem
+    rows = [([int(n) for n in row[10:14]], row) for row in solids]
+    return next((four, row) for four, row in rows if sum(set(four) <= {int(n) for n in r[10:18]} for r in solids) == 1)
+
+
+def test_loads_along_surface_elements_are_left_out(tmp_path):
+    """Beside the pressure on the first face; those on solids count."""
+    corners, row = free_face()
+    loads = ["SFE,901,2,PRES,0,7.5", "SFE,901,5,PRES,0,3.5,1,0,0", "SFE,901,1,PRES,0,2.5", f"SFE,{row[8]},1,PRES,0,7.5"]
+    path = beam(tmp_path, [(154, 8, corners)], loads)
+    draft = draft_of(path)
+    (table,) = [t for t in draft.tables if t.path == ("effects", "preload")]
+    assert table.values["pressures"] == {"pressure_1": 2.5, "pressure_2": 7.5}
+    (found,) = [f for f in draft.findings if f.what == "SFE"]
+    assert "acts along SURF154" in found.text and "2 loads" in found.text and found.weight == "changes"
+    boundaries = load_mesh(path).mesh.boundaries
+    assert [len(boundaries[f"pressure_{i}"]) for i in (1, 2)] == [1, 1]
+
+
 @pytest.mark.parametrize(("order", "pulls"), [((1, 0, 3, 2), False), ((0, 1, 2, 3), True)])
 def test_pressure_acts_against_the_normal_of_a_surface_element(tmp_path, order, pulls):
     """On a face that one solid has: J, I, L, K of its corners I to P point outwards, I, J, K, L into the solid."""
-    solids = mapdl_archive.Archive(HEX, parse_vtk=False).elem
-    corners = [[int(n) for n in row[10:14]] for row in solids]
-    (own, *_) = (four for four in corners if sum(set(four) <= {int(n) for n in row[10:18]} for row in solids) == 1)
-    surface = [own[i] for i in order]
+    surface = [free_face()[0][i] for i in order]
     path = beam(tmp_path, [(154, 8, surface)], ["SFE,901,1,PRES,0,2.5"])
     asked = [line for line in draft_of(path).missing if line.startswith("SURF154")]
     assert len(asked) == pulls and all("the normal of element 901 points into" in line for line in asked)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...mesh.building import build_mesh
 from ...mesh.readers.ansys import mesh_of, read_archive, text_of
-from ...mesh.readers.ansys_faces import pressures, uneven_pressures
+from ...mesh.readers.ansys_faces import other_loads, pressures, uneven_pressures
 from ...mesh.readers.sources import Sources
 from ..draft import Draft, Value, Weight
 from ..units import SI, likely, recognise
@@ -43,7 +43,8 @@ BECOMES: dict[str, str] = {
     " DC and TAUMAX are left out, and told",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
     "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154, whose normals have to point"
-    " outwards; the mean of the corners, and told where they differ",
+    " outwards; the mean of the corners, and told where they differ; loads on faces 2 to 5 of SURF154, along it, with a"
+    " gradient or along a vector, are left out, and told",
     "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
     " elsewhere are left out, and told",
     "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes` of the last one; a lowest"
@@ -134,12 +135,17 @@ def _write_effects(content: Content, mu: float | None) -> None:
     draft, units = content.draft, content.units
     if mu:
         draft.add("effects", "friction", values={"mu": mu})
+    others = other_loads(content.archive, content.text, content.source)
+    for where in others[:1]:
+        more = f", as {len(others)} loads of that kind in all" if len(others) > 1 else ""
+        text = f"acts along SURF154, along a vector or with a gradient (its faces 2 to 5), and is left out{more}"
+        draft.find("SFE", where, text)
     sizes = list(pressures(content.archive, content.text, content.source))
     if sizes:
         loads: dict[str, Value] = {f"pressure_{i}": clean(p * units.pressure) for i, p in enumerate(sizes, 1)}
         table = draft.add("effects", "preload", values={"pressures": loads})
         table.comments.append("SFE: Pa, onto the faces")
-        for where in uneven_pressures(content.archive, content.text)[:1]:
+        for where in uneven_pressures(content.archive, content.text, content.source)[:1]:
             draft.find("SFE", where, "differs from corner to corner; the mean is taken")
         closed = stay_closed(content)
         if closed and all(closed):

@@ -13,7 +13,7 @@ from .ansys_archive import Archive
 
 FIRST, LABEL = 10, 8  # columns of `Archive.elem` with the first node, and with the number, of an element
 _CONTACTS = {170: "target", 174: "contact", 173: "contact"}
-_SURFACE_LOAD = 154
+_SURFACE_LOAD, _OTHER_LOADS = 154, range(2, 6)  # and its faces on which PRES is no pressure on the surface
 # Corners of faces 1 to 6 (Ansys element reference, SOLID186 and SOLID187).
 _HEXAHEDRON = ((1, 0, 3, 2), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7))
 _TETRAHEDRON = ((1, 0, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3))
@@ -44,27 +44,52 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
 def pressures(archive: Archive, lines: Sequence[str], source: str) -> dict[float, list[tuple[int, int, str]]]:
     """Return, by value of the pressure, the element, the face and the line of each SFE; imaginary parts are ignored.
 
+    What `other_loads` returns is left out.
+
     Raises
     ------
     MeshError
         An SFE cannot be read.
     """
     found: dict[float, list[tuple[int, int, str]]] = {}
-    for where, fields, values in _commands(archive, lines):
-        try:
-            size = float(np.mean([float(v) for v in values if v] or [0.0]))
-            element, face = int(fields[1]), int(fields[2])
-        except ValueError:
-            raise MeshError(f'{source}: {where}: "{",".join(fields)[:60]}" gives no pressure on a face') from None
-        if size:
+    others = set(other_loads(archive, lines, source))
+    for size, element, face, where in _sizes(archive, lines, source):
+        if size and where not in others:
             found.setdefault(size, []).append((element, face, where))
     return found
 
 
-def uneven_pressures(archive: Archive, lines: Sequence[str]) -> list[str]:
+def other_loads(archive: Archive, lines: Sequence[str], source: str) -> list[str]:
+    """Return the lines of SFE on faces 2 to 5 of SURF154, which are no pressures that are the same on all of a face.
+
+    They act along the surface (2, 3), along the normal with a gradient (4) or along a vector (5; Ansys element
+    reference, SURF154).
+
+    Raises
+    ------
+    MeshError
+        An SFE cannot be read.
+    """
+    types = [int(row[0]) for row in archive.ekey if int(row[1]) == _SURFACE_LOAD]
+    surfaces = set(archive.elem[np.isin(archive.elem[:, 1], types), LABEL].tolist())
+    sizes = _sizes(archive, lines, source)
+    return [where for size, e, face, where in sizes if size and e in surfaces and face in _OTHER_LOADS]
+
+
+def _sizes(archive: Archive, lines: Sequence[str], source: str) -> Iterator[tuple[float, int, int, str]]:
+    """Yield the mean over the corners, the element, the face and the line of each SFE."""
+    for where, fields, values in _commands(archive, lines):
+        try:
+            yield float(np.mean([float(v) for v in values if v] or [0.0])), int(fields[1]), int(fields[2]), where
+        except ValueError:
+            raise MeshError(f'{source}: {where}: "{",".join(fields)[:60]}" gives no pressure on a face') from None
+
+
+def uneven_pressures(archive: Archive, lines: Sequence[str], source: str) -> list[str]:
     """Return the lines of SFE whose pressure differs from corner to corner."""
+    others = set(other_loads(archive, lines, source))
     given = [(where, {float(v) for v in values if _is_number(v)}) for where, _, values in _commands(archive, lines)]
-    return [where for where, values in given if len(values) > 1]
+    return [where for where, values in given if len(values) > 1 and where not in others]
 
 
 def _commands(archive: Archive, lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
