@@ -26,6 +26,13 @@ def area_of(mesh: skfem.Mesh, facets: Ints) -> tuple[float, Floats, Floats]:
     return area, centre, np.einsum("ifq,fq->i", np.asarray(basis.normals), basis.dx) / area
 
 
+def mean_distance(mesh: skfem.Mesh, facets: Ints, axis: Floats, centre: Floats) -> float:
+    """Return the mean distance of some facets (f,) int from the axis along a unit vector (3,) through a point (3,)."""
+    basis = skfem.FacetBasis(mesh, mesh.elem(), facets=facets, intorder=_DEGREE)
+    arms = np.cross(np.asarray(basis.global_coordinates()) - centre[:, None, None], axis, axisa=0, axisb=0, axisc=0)
+    return float((np.linalg.norm(arms, axis=0) * basis.dx).sum() / basis.dx.sum())
+
+
 def _sums(basis: skfem.AbstractBasis) -> tuple[float, Floats]:
     size = float(basis.dx.sum())
     return size, np.einsum("ifq,fq->i", np.asarray(basis.global_coordinates()), basis.dx) / size

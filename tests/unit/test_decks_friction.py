@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 from deck_scenes import deck, written
 
@@ -24,6 +27,9 @@ def of(tmp_path, first, *changes):
     ("*Friction\n0.4\n", [CHANGE.format(""), "*Friction\n0.1\n", CHANGE.format(", reset")], 0.4),
     ("", [CHANGE.format(""), "*Friction\n0.1\n", CHANGE.format(", reset")], None),
     ("*Friction, rough\n", [CHANGE.format(""), "*Friction\n0.3\n"], 0.3),
+    ("*Friction, exponential decay\n0.4, 0.2, 1.e9\n", [CHANGE.format(""), "*Friction\n0.1\n"], 0.1),
+    ("*Friction, exponential decay\n0.4, 0.2, 1.e9\n",
+     [CHANGE.format(""), "*Friction\n0.1\n", CHANGE.format(", reset")], 0.2),
 ])  # fmt: skip
 def test_the_friction_that_counts_is_the_last(tmp_path, first, changes, mu):
     draft = of(tmp_path, first, *changes)
@@ -50,6 +56,57 @@ def test_friction_that_an_amplitude_stops_short_is_asked_for(tmp_path):
 def test_a_limit_of_shear_is_told(tmp_path):
     draft = of(tmp_path, "*Friction, taumax=12.\n0.4\n")
     assert any("TAUMAX=12" in line for line in draft.told)
+
+
+TRANSLATION = ("*Motion, rotation, type=VELOCITY\nN_top, 5., 0., 0., 0., 0., 0., 1.\n",
+               "*Motion, type=VELOCITY\nN_top, 1, 1, -200.\n")  # fmt: skip
+DECAY = "*Friction, exponential decay\n0.5, 0.3, 0.002,\n"
+RATES = "*Friction\n0.5, 0.\n0.4, 100.\n0.3, 300., , \n"
+
+
+def mean_speed():
+    """Of the pad's face, 60 x 30 mm, on a disc that turns with 5 rad/s about z: m/s."""
+    x, y = ((np.arange(400) + 0.5) / 400 * size + begin for size, begin in ((0.06, -0.03), (0.03, 0.07)))
+    return 5 * np.hypot(*np.meshgrid(x, y)).mean()
+
+
+@pytest.mark.parametrize(("law", "moved", "mu", "slope"), [
+    (DECAY, False, lambda v: 0.3 + 0.2 * np.exp(-2 * v), lambda v: -0.4 * np.exp(-2 * v)),
+    (DECAY, True, lambda v: 0.3 + 0.2 * np.exp(-0.4), lambda v: -0.4 * np.exp(-0.4)),
+    (RATES, False, lambda v: 0.3, lambda v: None), (RATES, True, lambda v: 0.35, lambda v: -0.5),
+], ids=["decay, turning", "decay, moving", "rates, turning", "rates, moving"])  # fmt: skip
+def test_friction_is_that_at_the_sliding_speed(tmp_path, law, moved, mu, slope):
+    """The deck counts mm; beyond the last slip rate the coefficient is constant."""
+    text = deck().replace("*Friction\n0.4\n", law).replace(*(TRANSLATION if moved else ("", "")))
+    draft = draft_of(written(tmp_path, text))
+    speed = mean_speed()
+    (friction,) = tables(draft, "effects", "friction")
+    assert friction["mu"] == pytest.approx(mu(speed), rel=1e-5)
+    (told,) = [f for f in draft.findings if f.what == "*Friction"]
+    assert f"{0.2 if moved else speed:.3g} m/s" in told.text and told.weight == "changes"
+    found = re.search(r"dmu/dv = (\S+) s/m, for \[effects\.falling_friction\] slope", told.text)
+    assert (found and float(found[1])) == (slope(speed) and pytest.approx(slope(speed), rel=1e-2))
+
+
+@pytest.mark.parametrize(("law", "sentence"), [
+    (DECAY, "which the deck does not give: mu = 0.5 of the first row"),
+    (RATES, "which the deck does not give: mu = 0.5 of the first row"),
+])  # fmt: skip
+def test_friction_at_a_speed_that_is_not_known_is_that_at_rest(tmp_path, law, sentence):
+    text = deck().replace("*Friction\n0.4\n", law).replace(TRANSLATION[0], "")
+    draft = draft_of(written(tmp_path, text))
+    assert any(f.what == "*Friction" and sentence in f.text for f in draft.findings)
+    assert [t["mu"] for t in tables(draft, "effects", "friction")] == [0.5]
+
+
+@pytest.mark.parametrize("law", [
+    "*Friction, user\n0.5\n", "*Friction, exponential decay, test data\n0.5\n0.4, 100.\n",
+    "*Friction\n0.5, 0., , 20.\n0.4, 0., , 90.\n", "*Friction\n0.5, 0., 1.\n0.4, 100., 2.\n",
+])  # fmt: skip
+def test_other_laws_of_friction_are_told(tmp_path, law):
+    draft = of(tmp_path, law)
+    assert [t["mu"] for t in tables(draft, "effects", "friction")] == [0.5]
+    assert sum(f.what == "*Friction" for f in draft.findings) == 1
 
 
 def general(exclusion):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...errors import MeshError, suggest
@@ -10,6 +12,7 @@ from ...mesh.measures import area_of
 from ...mesh.readers.abaqus.model import Statement
 from ..draft import Table, Value, plain_name
 from .content import Content, Interaction, Pair, fields, real, spoken
+from .friction import friction_at
 from .general import add_general_pairs
 from .materials import clean
 from .motions import Motion, moving_surfaces, relative_motion
@@ -86,12 +89,14 @@ def _reach(content: Content, statement: Statement) -> float:
 def write_contacts(content: Content) -> float | None:
     """Write a contact for each pair and tie; return the friction coefficient that their friction ratios multiply."""
     add_general_pairs(content)
-    coefficients = [i.mu for p in content.pairs if (i := content.interactions.get(p.interaction.upper())) and i.mu]
-    mu = max(coefficients, default=None)
     moving = moving_surfaces(content)
+    found = [_found(content, pair, moving) for pair in content.pairs]
+    at_rest = [i.mu if (i := content.interactions.get(p.interaction.upper())) else None for p in content.pairs]
+    mu = max((c for f, rest in zip(found, at_rest, strict=True) if (c := f.mu if f else rest)), default=None)
     taken: list[str] = []
-    for pair in content.pairs:
-        _write_pair(content, pair, mu, moving, taken)
+    for pair, one in zip(content.pairs, found, strict=True):
+        if one is not None:
+            _write_pair(content, pair, one, mu, taken)
     for pair in content.ties:
         names = _surfaces(content, pair)
         if names is None:
@@ -105,12 +110,20 @@ def write_contacts(content: Content) -> float | None:
     return mu
 
 
-def _write_pair(
-    content: Content, pair: Pair, mu: float | None, moving: list[tuple[set[str], Motion]], taken: list[str]
-) -> None:
+@dataclass(frozen=True)
+class _Found:
+    """A pair with its surface and counterface, its interaction, how it slides if that is known, and its friction."""
+
+    names: list[str]
+    interaction: Interaction
+    sliding: dict[str, Value] | None
+    mu: float
+
+
+def _found(content: Content, pair: Pair, moving: list[tuple[set[str], Motion]]) -> _Found | None:
     names = _surfaces(content, pair)
     if names is None:
-        return
+        return None
     interaction = content.interactions.get(pair.interaction.upper())
     if interaction is None:
         raise MeshError(
@@ -121,6 +134,11 @@ def _write_pair(
     sliding = relative_motion(content, pair, names, *sides)
     if sides[0] is not None and sides[1] is None:
         names = names[::-1]  # the counterface is what moves
+    return _Found(names, interaction, sliding, friction_at(content, interaction, names[0], sliding))
+
+
+def _write_pair(content: Content, pair: Pair, found: _Found, mu: float | None, taken: list[str]) -> None:
+    names, interaction, sliding = found.names, found.interaction, found.sliding
     table = _named(content, pair, names, taken)
     table.comments.append(f"*Contact Pair, {pair.where}; interaction {interaction.name}")
     unit = content.units
@@ -140,12 +158,12 @@ def _write_pair(
     if interaction.rough or interaction.tied:
         table.values["kind"] = "tied"
         content.draft.find("*Friction, ROUGH", interaction.where, "points that do not slip are taken as tied")
-    elif not interaction.mu:
+    elif not found.mu:
         table.values["kind"] = "frictionless"
     elif sliding is not None:
         table.values["sliding"] = sliding
-        if mu is not None and interaction.mu != mu:
-            table.values["friction_ratio"] = clean(interaction.mu / mu)
+        if mu is not None and found.mu != mu:
+            table.values["friction_ratio"] = clean(found.mu / mu)
     else:
         table.open.append((
             'sliding = { axis = [0.0, 0.0, 1.0], centre = [0.0, 0.0, 0.0], speed = 1.0 }',

@@ -19,6 +19,7 @@ from ...mesh.readers.abaqus.sets import ModelSets
 from ...mesh.readers.abaqus.text import KeywordBlock, unquoted
 from ..draft import Draft, Value
 from ..units import SI, Units
+from .friction_laws import FrictionLaw
 
 Reference = tuple[str, str]  # a name or number as the deck writes it, and the scope that it stands in
 _SHORT_EXPONENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d+)")
@@ -45,7 +46,9 @@ class Interaction:
     where: str
     mu: float | None = None
     rough: bool = False
-    first: tuple[float | None, bool] | None = None  # mu and rough before the first *Change Friction
+    law: FrictionLaw | None = None  # over the sliding speed; mu is then the coefficient at rest
+    law_where: str = ""
+    first: tuple[float | None, bool, FrictionLaw | None] | None = None  # mu, rough, law before *Change Friction
     tied: bool = False
     stiffness: float | None = None
     behaviour: str = "hard contact"

@@ -68,7 +68,8 @@ BECOMES: dict[str, str] = {
     "*Surface": "surface groups; `COMBINE=UNION` of others; other combinations, `CROP` and analytical surfaces are"
     " refused where something acts on them",
     "*Surface Interaction": "for its pairs",
-    "*Friction": "`mu` of the first row; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
+    "*Friction": "`mu` of the first row, of `EXPONENTIAL DECAY` and tables of slip rates that at the mean sliding speed"
+    " where `*Motion` gives it, told with dmu/dv; the largest is `[effects.friction] mu`, others are `friction_ratio`;"
     " `ROUGH`: tied; `ANISOTROPIC`: the first of the two, and told; `TAUMAX` is left out, and told",
     "*Change Friction": "the last `*Friction` counts, after `RESET` that of the interaction; an `AMPLITUDE` that does"
     " not end at 1 is asked for",
