@@ -35,7 +35,7 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
         word = _CONTACTS.get(types.get(int(row[1]), 0))
         if word is None or len(row) < FIRST + 3:
             continue
-        corners = _corners(row[FIRST : FIRST + 4], find)
+        corners = _corners(_corner_nodes(row), find)
         if len(corners) in (3, 4):
             found.setdefault(f"{word}_{int(row[2])}", []).append(corners)
     return {name: _by_count(faces) for name, faces in found.items()}
@@ -163,6 +163,15 @@ def _corners(nodes: Ints, find: Rows) -> Ints:
     corners = find(nodes)
     corners = corners[np.sort(np.unique(corners, return_index=True)[1])]
     return corners if (corners >= 0).all() else corners[:0]
+
+
+def _corner_nodes(row: Ints) -> Ints:
+    """Return the nodes of a segment's corners: the first three of the 3 or 6 of a triangle, else the first four.
+
+    TARGE170 has triangles of their own (TRI and TRI6); those of CONTA174 repeat a node of a quadrilateral.
+    """
+    count = len(np.trim_zeros(row[FIRST:], "b"))
+    return row[FIRST : FIRST + (3 if count in (3, 6) else 4)]
 
 
 def _by_count(faces: list[Ints]) -> list[Ints]:
