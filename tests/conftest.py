@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,12 @@ def needs_pardiso() -> None:
     import variations
 
     variations.require_pardiso(os.environ)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[object]:
+    """The browser of all tests of the page."""
+    from opened import chromium  # with Playwright, which no other test needs
+
+    with chromium() as found:
+        yield found

@@ -281,7 +281,7 @@ class RunningSweep:
                 self.onsets = self.told.absorbed(self.onsets, self._start, value)
                 self.window = max(self.window, found.width)
                 unclear = np.flatnonzero(match.doubtful[: wanted_count(modes, self.request)])
-                unclear = unclear[~_have_copies(modes.lam)[unclear]]
+                unclear = unclear[~_have_copies(modes.lam)[unclear] & (modes.lam[unclear].imag > 0)]
                 if len(unclear):
                     self.told.unclear_branches(self._value, value, modes.lam[unclear].imag)
                 self._next_branch = next(names)
