@@ -1,4 +1,4 @@
-"""One direct solve by ARPACK and by SLEPc, both on MUMPS: python benchmarks/direct_solves.py [--write]
+"""One direct solve by this program and by SLEPc, both on MUMPS: python benchmarks/direct_solves.py [--write]
 
 The matrices of examples/disc_pad.toml on finer meshes at one friction coefficient: right and left modes with their
 errors by this program, and SLEPc's Krylov-Schur method for right modes alone and for both sides (two-sided), on one and
@@ -30,7 +30,7 @@ from fe_squeal.process.ranks import is_helper, process_count
 SLEPC = Path(__file__).with_name("slepc_solve.py")
 BEGIN, END = "<!-- direct solves: python benchmarks/direct_solves.py --write -->\n", "<!-- end of direct solves -->\n"
 SIZES, COUNTS, MODES, MU = (0.014, 0.0095, 0.0055), (1, 2), 50, 0.35
-WAYS = {"pardiso": "ARPACK on PARDISO", "mumps": "ARPACK on MUMPS", "1": "SLEPc, right modes", "2": "SLEPc, both sides"}
+WAYS = {"pardiso": "own, PARDISO", "mumps": "own, MUMPS", "1": "SLEPc, right modes", "2": "SLEPc, both sides"}
 NOTE = f"""Seconds of one solve for {MODES} modes at µ = {MU}, factors included. Of this program they are those of
 right and left modes with backward errors, conditions and uncertainties; SLEPc gives eigenvalues and vectors of one side
 or both, to a tolerance of 1e-8. The last column is the largest relative difference of an eigenvalue of SLEPc (right
