@@ -113,8 +113,7 @@ terms ask for, and next by the entries that they add to the matrices. Every row 
 and the effect that it names:
 
 - **No friction**: symmetric. One Lanczos run gives right and left modes at once.
-- **Friction**: nonsymmetric. Right and left modes take a block Krylov-Schur run each, {friction.solves} right-hand
-  sides in all.
+- **Friction**: nonsymmetric. Right and left modes take a Krylov run each, {friction.solves} right-hand sides in all.
 - **Damping, rotation** (terms with velocity): quadratic. A vector is twice as long. Discs around complex shifts cover
   the band, and a real shift shows that nothing is beside; that takes {damped.solves} solves. What is factorised has
   the size of the unknowns, not twice that.

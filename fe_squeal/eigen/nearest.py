@@ -1,4 +1,4 @@
-"""Modes nearest a shift by Krylov methods on the shift-inverted operator: of a symmetric pencil by ARPACK."""
+"""Modes nearest a shift by Krylov methods on the shift-inverted operator: ARPACK, or blocks."""
 
 from __future__ import annotations
 
@@ -118,5 +118,6 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bo
 
 def method_of(operator: ShiftInverted) -> str:
     """Return the name of the method with that of the linear solver."""
-    way = "ARPACK" if operator.pencil.problem_class == "symmetric" else "block Krylov-Schur"
+    blocks = operator.in_blocks and operator.pencil.problem_class != "symmetric"
+    way = "block Krylov-Schur" if blocks else "ARPACK"
     return f"shift-invert {way}, {operator.linear_solver.name}"

@@ -8,10 +8,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from selection import crossed, some
 
+from fe_squeal.eigen import shift_invert
 from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.growth import may_grow
 from fe_squeal.eigen.pencil import Modes, Pencil
 from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.shift import BELOW
 from fe_squeal.eigen.solve import solve_modes
 
 N, BAND = DENSE_LIMIT + 50, 0.3
@@ -124,3 +126,26 @@ def test_fast_growth_beside_a_crowd_of_overdamped_modes(ratio, swings):
     pencil = Pencil(sp.eye_array(N, format="csr"), sp.csr_array(K), sp.diags_array(np.concatenate(c)).tocsr())
     modes = solve_modes(pencil, Request(max_frequency_hz=1.6 / (2 * np.pi)))
     np.testing.assert_allclose(growing(modes), [lam], rtol=1e-9)
+
+
+@pytest.mark.parametrize("in_blocks", [0, N + 1])
+@pytest.mark.parametrize("loss", [0.0, 0.01])
+def test_modes_by_arpack_and_in_blocks_are_those_of_lapack(monkeypatch, loss, in_blocks):
+    monkeypatch.setattr(shift_invert, "_IN_BLOCKS", in_blocks)
+    pencil = chain(np.diag([0.04, 9.0]), loss=loss)
+    modes = solve_modes(pencil, Request(count=30))
+    assert ("block" in modes.method) == (in_blocks == 0)
+    exact = 1j * np.sqrt(la.eigvals(pencil.K.toarray()).astype(complex))
+    exact = exact[np.argsort(exact.imag)][:30]
+    np.testing.assert_allclose(modes.lam.imag, exact.imag, rtol=1e-10)
+    assert np.abs(modes.lam[:, None] - exact).min(axis=1).max() < 1e-9
+
+
+def test_a_shift_that_is_an_eigenvalue_moves_in_blocks_too(monkeypatch):
+    monkeypatch.setattr(shift_invert, "_IN_BLOCKS", 0)
+    theta = np.arange(1.0, N + 1)
+    theta[0] = -((BELOW * 16.0) ** 2)
+    K = sp.csr_array(sp.diags_array(theta)) + sp.csr_array(([0.5], ([5], [9])), shape=(N, N))
+    modes = solve_modes(Pencil(sp.eye_array(N, format="csr"), sp.csr_array(K)), Request(count=12), 16.0)
+    np.testing.assert_allclose(growing(modes), [BELOW * 16.0], rtol=1e-9)
+    np.testing.assert_allclose(modes.lam.imag[modes.lam.imag > 0][:10], np.sqrt(theta[1:11]), rtol=1e-9)
