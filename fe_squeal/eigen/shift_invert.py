@@ -30,9 +30,9 @@ _TOLERANCE = 1e-13
 # one in _SHARE of them is wanted anyway; of large ones, where most are.
 _SMALL, _SHARE, _MOST_OF = 100, 4, 1.5
 # Vectors that are multiplied at once: solves for several right-hand sides read the factors once for all of them. Of 4
-# to 16 this took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most. Fewer
-# unknowns than the last number go to ARPACK, whose projected matrices are smaller: blocks took 1.4 times its time for 50
-# modes of 3 078 unknowns.
+# to 16 this took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most. With
+# fewer unknowns than the last number ARPACK is quicker, whose projected matrices are smaller: blocks took 1.4 times its
+# time for 50 modes of 3 078 unknowns.
 _BLOCK, _RESTARTS, _IN_BLOCKS = 8, 100, 5000
 _APART = 1e-6  # of a shift: an eigenvalue that is nearer is the shift itself
 _ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
