@@ -33,8 +33,21 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the longest tests first: a long test at the end would leave all cores but one idle."""
+    """Mark combinations of parameters whose values are all in others as slow, and run the longest tests first.
+
+    A long test at the end would leave all cores but one idle.
+    """
+    from selection import covering, parameters  # the folder `tests` is on sys.path only now
+
+    combinations: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("slow") is None and hasattr(item, "callspec"):
+            combinations.setdefault(item.nodeid.split("[")[0], []).append(item)
+    for some in combinations.values():
+        for k in set(range(len(some))).difference(covering([parameters(item) for item in some])):
+            some[k].add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.get_closest_marker("long") is None)  # a stable sort: the others keep their order
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -28,3 +28,31 @@ def some(values: Iterable[Any], fast: Callable[..., bool]) -> list[Any]:
 def crossed(*axes: Iterable[Any], fast: Callable[..., bool]) -> list[Any]:
     """Return all combinations of the values of several parameters; those for which `fast` is false are slow."""
     return some(itertools.product(*axes), fast)
+
+
+def parameters(item: pytest.Item) -> set[Hashable]:
+    """Return the names of each `parametrize` and fixture of a test, with what tells which of its values these are."""
+    values: dict[str, object] = dict(item.callspec.params)  # type: ignore[attr-defined]
+    names = [tuple(n.strip() for n in mark.args[0].split(",")) if isinstance(mark.args[0], str) else tuple(mark.args[0])
+             for mark in item.iter_markers("parametrize")]  # fmt: skip
+    joined = set(itertools.chain(*names))
+    # All combinations share the objects that are their values, which need not be hashable, nor equal to themselves.
+    return {(n, *(id(values[k]) for k in n)) for n in [*names, *((k,) for k in values if k not in joined)]}
+
+
+def covering(combinations: Sequence[set[Hashable]]) -> list[int]:
+    """Return the numbers of a few of the sets whose union is that of all: again and again the one that adds the most.
+
+    `make test` runs these combinations of several parameters: each value of each parameter is in one.
+
+    Examples
+    --------
+    >>> covering([{"a0", "b0"}, {"a0", "b1"}, {"a1", "b0"}, {"a1", "b1"}])
+    [0, 3]
+    """
+    missing: set[Hashable] = set().union(*combinations)
+    chosen = []
+    while missing:
+        chosen.append(max(range(len(combinations)), key=lambda k: len(combinations[k] & missing)))
+        missing -= combinations[chosen[-1]]
+    return chosen

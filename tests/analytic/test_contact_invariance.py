@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import pytest
 from dense import all_eigenvalues
+from selection import some
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -94,7 +95,7 @@ GEOMETRIES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", GEOMETRIES)
+@pytest.mark.parametrize("name", some(GEOMETRIES, lambda name: name == "block"))
 def test_metres_and_millimetres(name, tmp_path):
     """The same geometry in a file in metres and one in millimetres with length_unit = "mm"; gap 0, 1e-9."""
     geometry, lengths, others = GEOMETRIES[name]

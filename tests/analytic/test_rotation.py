@@ -173,7 +173,7 @@ def test_centrifugal_load_on_a_ring():
     np.testing.assert_allclose((u * radial(x)).sum(axis=1)[middle], RHO * speed**2 * RING_RADIUS**3 / E, rtol=2e-3)
 
 
-@pytest.mark.parametrize("speed", [30.0, 300.0])
+@pytest.mark.parametrize("speed", some([30.0, 300.0], lambda speed: speed == 300))
 def test_growth_of_a_freely_spinning_disc_does_not_exist_and_is_said(speed):
     """K_Ω alone gives the turning about the axis Re λ = Ω; the stiffness of the centrifugal stress cancels it.
 

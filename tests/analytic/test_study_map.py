@@ -127,7 +127,7 @@ def test_a_circle_that_leaves_the_box_ends_at_its_edges():
     assert ends == pytest.approx(np.array([[0.0, y0 - half], [0.0, y0 + half]]), abs=1e-9)
 
 
-@pytest.mark.parametrize("far", [4.0, 1.0], ids=["apart", "same frequency"])
+@pytest.mark.parametrize("far", some([4.0, 1.0], lambda far: far == 1), ids=["apart", "same frequency"])
 def test_curves_of_two_pairs_that_cross_are_both_followed(far):
     """Pairs with the gaps δ and 0.3 − δ: their curves δ = 2μ and 0.3 − δ = 2μ cross at δ = 0.15."""
     skew, zero = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.zeros((2, 2))
@@ -167,7 +167,8 @@ def test_bad_input_is_told(x, message):
         stability_map(two_modes(), x, axis("delta", 0.0, 0.3), modes=2)
 
 
-@pytest.mark.parametrize(("damping", "uneven"), some([(1e-4, 0.3), (1e-3, 0.0)], lambda _, uneven: not uneven))
+@pytest.mark.slow
+@pytest.mark.parametrize(("damping", "uneven"), [(1e-4, 0.3), (1e-3, 0.0)])
 def test_an_island_with_light_damping_that_no_line_meets_is_found(damping, uneven):
     """Re λ is flat beside it and rises as a root at its edge, so that only the gap without damping has a minimum."""
     Z, X, J = np.diag([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -243,8 +244,10 @@ def test_where_modes_cross_the_error_of_a_model_is_no_instability():
 
 
 @pytest.mark.parametrize("damping", some([0.0, 0.05], bool))
-@pytest.mark.parametrize("axes, centre", [((0.09, 0.09), (0.52, 0.47)), ((0.05, 0.03), (0.52, 0.47)),
-                                          ((0.05, 0.05), (0.5, 0.5))])  # fmt: skip
+@pytest.mark.parametrize("axes, centre", some(
+    [((0.09, 0.09), (0.52, 0.47)), ((0.05, 0.03), (0.52, 0.47)), ((0.05, 0.05), (0.5, 0.5))],
+    lambda axes, centre: axes[0] > axes[1],
+))  # fmt: skip
 def test_an_island_of_divergence_between_the_lines_of_the_grid(axes, centre, damping):
     """A stiffness that is negative inside an ellipse, which no line of the grid crosses; also one amid four nodes."""
     a, b, x, y = *axes, *centre

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import sliding_block, sliding_plate, wave_speeds
+from selection import some
 
 from fe_squeal import sweep
 from fe_squeal.accuracy import with_discretisation
@@ -39,8 +40,9 @@ def check(modes, changes, exact, order):
 
 @pytest.mark.parametrize(
     ("kind", "order", "cells"),
-    [("hex1", 1, 5), ("hex1", 2, 2), ("hex2", 2, 3), ("tet1", 1, 4), ("tet1", 2, 2), ("tet2", 2, 3)],
-)
+    some([("hex1", 1, 5), ("hex1", 2, 2), ("hex2", 2, 3), ("tet1", 1, 4), ("tet1", 2, 2), ("tet2", 2, 3)],
+         lambda kind, order, _: (kind, order) in {("hex1", 1), ("hex2", 2), ("tet1", 2)}),
+)  # fmt: skip
 def test_block_with_sliding_faces(kind, order, cells):
     exact = sliding_block(SIZE, wave_speeds(**STEEL), 12)
     result = sweep(make_problem(box(kind, (cells, cells, cells), SIZE), order, supports=SLIDING), [0.0], modes=18)
@@ -48,7 +50,9 @@ def test_block_with_sliding_faces(kind, order, cells):
 
 
 @pytest.mark.parametrize(
-    ("kind", "order", "cells"), [("hex1", 1, (8, 8, 2)), ("hex1", 2, (4, 4, 1)), ("tet1", 2, (5, 5, 1))]
+    ("kind", "order", "cells"),
+    some([("hex1", 1, (8, 8, 2)), ("hex1", 2, (4, 4, 1)), ("tet1", 2, (5, 5, 1))],
+         lambda kind, order, _: (kind, order) != ("hex1", 2)),
 )
 def test_thick_plate(kind, order, cells):
     """Bending, which linear elements resist, is corrected as well: nothing that the refined mesh cannot do is asked."""

@@ -34,7 +34,7 @@ def test_eigenvalues_converge_with_order_2p(kind, order, nu):
         assert rates == pytest.approx(2 * order, abs=0.25), rates
 
 
-@pytest.mark.parametrize(("kind", "order"), some(SCHEMES, lambda kind, order: kind == "hex1"))
+@pytest.mark.parametrize(("kind", "order"), some(SCHEMES, lambda kind, order: (kind, order) == ("hex1", 1)))
 def test_same_limit_as_the_standard_form(kind, order):
     """A block bonded on one side, which has singular edges and no closed form: at ν = 0.3 the two forms differ by less
     than either moves from mesh to mesh, and ever less."""

@@ -14,7 +14,7 @@ import pytest
 import scipy.linalg as la
 import skfem
 from hard_cases import digits, judged, plain_eigs
-from selection import crossed
+from selection import crossed, some
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -104,7 +104,7 @@ def test_sliver(record, order, degrees):
            *judged(plain_eigs(pencil, 16), exact))  # fmt: skip
 
 
-@pytest.mark.parametrize("shift", [0.1, 0.2, 0.249])
+@pytest.mark.parametrize("shift", some([0.1, 0.2, 0.249], lambda shift: shift == 0.249))
 def test_midside_node_off_the_middle(record, shift):
     """A midside node near the quarter of its edge: the Jacobian all but vanishes at the corner, strains there are
     singular, and the element's stiffness is nearly unbounded. Rigid motions are still zero; the element is named."""

@@ -94,7 +94,7 @@ def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, va
 
 
 @pytest.mark.parametrize(
-    ("kind", "alpha"), crossed([*GROWTH, "whirl"], [0.0, 0.01], fast=lambda kind, a: a == 0 and kind != "whirl")
+    ("kind", "alpha"), crossed([*GROWTH, "whirl"], [0.0, 0.01], fast=lambda kind, a: a == 0 and kind == "divergence")
 )
 def test_a_box_of_parameters_has_modes_that_come_from_afar(kind, alpha):
     """Swept are the forces and the stiffness of one of the other oscillators; far from p = 1 the modes are away."""

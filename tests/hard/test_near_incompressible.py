@@ -29,7 +29,7 @@ from meshes import KINDS, annulus, box, distorted, make_problem, modes_of
 CELLS = {("hex1", 1): (5, 0.135), ("tet1", 1): (5, 0.33), ("hex1", 2): (3, 0.025), ("tet1", 2): (3, 0.08)}
 
 
-@pytest.mark.parametrize(("kind", "order"), SCHEMES)
+@pytest.mark.parametrize(("kind", "order"), some(SCHEMES, lambda kind, order: (kind == "hex1") == (order == 1)))
 def test_error_bounded_as_nu_tends_to_a_half(kind, order, record):
     """Locking: where λ/μ → ∞ the constraint div u = 0 at every point leaves linear elements hardly any motion, and the
     exact shear modes between walls come out too high without bound (hexahedra) or by a factor (tetrahedra); order 2

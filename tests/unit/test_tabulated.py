@@ -116,7 +116,7 @@ def test_onsets_are_those_of_direct_solves(kind, precise):
     assert len(reduced.warnings) == len(direct.warnings)
 
 
-@pytest.mark.parametrize("kind", ["nonsymmetric", "quadratic"])
+@pytest.mark.parametrize("kind", some(["nonsymmetric", "quadratic"], lambda kind: kind == "nonsymmetric"))
 def test_a_stored_model_gives_the_same_modes(kind):
     """Its values come back in the order in which its terms were made."""
     problem = made(kind)

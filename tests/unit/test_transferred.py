@@ -19,7 +19,7 @@ from fe_squeal.reduced import ReducedModel, TransferredModel
 VALUES = np.linspace(0.0, 0.9, 7)
 
 
-@pytest.fixture(scope="module", params=some(CLASSES, lambda kind: kind in ("nonsymmetric", "quadratic", "complex")))
+@pytest.fixture(scope="module", params=some(CLASSES, lambda kind: kind in ("nonsymmetric", "complex")))
 def both(request):
     """The problem interpolated over all values, and its modes on the basis of the problem itself."""
     problem = Opening(*CLASSES[request.param]).problem({"mu": 0.3})

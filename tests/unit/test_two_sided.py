@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from chains import CLASSES, chain
-from selection import crossed
+from selection import crossed, some
 
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.pencil import FreeMotions
@@ -64,7 +64,7 @@ def known_at(whole, values, without=None):
     return found, highest
 
 
-@pytest.mark.parametrize("kind", DAMPED)
+@pytest.mark.parametrize("kind", some(DAMPED, lambda kind: kind in ("gyroscopic", "complex with C")))
 def test_modes_between_are_those_of_lapack(kind):
     """Every one, within a part of the tolerance and within what it says of itself; vectors meet the square root."""
     whole = Whole(chain(*CLASSES[kind], n=SIZE))
@@ -135,7 +135,7 @@ def test_modes_that_do_not_swing_are_left_to_lapack():
     assert answers == [True, False]
 
 
-@pytest.mark.parametrize("kind", ["quadratic", "complex"])
+@pytest.mark.parametrize("kind", some(["quadratic", "complex"], lambda kind: kind == "complex"))
 def test_a_stored_model_gives_the_same_modes(kind):
     """At the values that it was made for, whatever it became after these, and between them."""
     problem, values = chain(*CLASSES[kind]), np.linspace(0.0, 0.9, 13)
