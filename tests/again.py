@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import json
 import os
 import signal
@@ -33,6 +34,7 @@ import variations
 ROOT = Path(__file__).parents[1]
 LOG = "runs.jsonl"
 FOLDERS = ("tests/hard", "tests/analytic", "tests/convergence")
+DEPENDS = "fe_squeal", "fe_squeal_start.py", "lumped", "meshes", "examples", "tests", "benchmarks/closed_forms.py"
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 _PATIENCE = 30.0  # s: pytest has to end within this time after an interruption
 
@@ -84,7 +86,7 @@ class Run:
 
     setting: str
     repetition: int
-    state: str  # commit of the repository, and whether it had changes
+    state: str  # hash of what the tests depend on, and whether it had changes
     selection: list[str]
     tests: int
     skipped: int
@@ -312,9 +314,17 @@ def _read(report: Path) -> tuple[int, int, list[str]]:
 
 
 def _state() -> str:
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    return done.stdout.strip() or "unknown"
+    """Return what tells whether a verdict may differ: not the commit, which also changes with a page of docs/."""
+    trees = _git("rev-parse", *(f"HEAD:{place}" for place in DEPENDS))
+    if not trees:
+        return "unknown"
+    changed = "-dirty" if _git("status", "--porcelain", "--", *DEPENDS) else ""
+    return hashlib.sha256(trees.encode()).hexdigest()[:12] + changed
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout if done.returncode == 0 else ""
 
 
 def _processor_flags() -> set[str]:
