@@ -83,7 +83,7 @@ def circulatory_matrices(
     """
     turning = np.cross(rotation.velocity, np.eye(3)).T  # Ω × u = turning @ u
     everywhere = sp.eye_array(space.functions, format="csr")
-    L = _on_unknowns(space, _nodal_convection(space, elements, rotation)) - _on_unknowns(space, everywhere, turning)
+    L = space.operator(_mixed(_nodal_convection(space, elements, rotation)) - _mixed(everywhere, turning))
     mass, convected, _ = _inertia(space, elements, density, rotation)
     B_K, B_M = stiffness_matrix @ L, _on_unknowns(space, convected) - _on_unknowns(space, mass, turning)
     return sp.csr_array((B_K - B_K.T) / 2), sp.csr_array((B_M - B_M.T) / 2)
@@ -149,6 +149,10 @@ def _nodal_convection(space: DisplacementSpace, elements: np.ndarray, rotation: 
 
 
 def _on_unknowns(space: DisplacementSpace, scalar: sp.csr_array, components: np.ndarray | None = None) -> sp.csr_array:
-    """Return a (functions, functions) matrix, times a (3, 3) one that mixes the components, on the unknowns."""
-    components = np.eye(3) if components is None else components
-    return space.restricted(sp.kron(scalar, components, format="csr"))
+    """Return the form of a (functions, functions) matrix, times one that mixes the components, on the unknowns."""
+    return space.restricted(_mixed(scalar, components))
+
+
+def _mixed(scalar: sp.csr_array, components: np.ndarray | None = None) -> sp.csr_array:
+    """Return a (functions, functions) matrix times a (3, 3) one that mixes the components, which without it stay."""
+    return sp.kron(scalar, np.eye(3) if components is None else components, format="csr")

@@ -188,6 +188,17 @@ class DisplacementSpace:
         P = self.prolongation
         return sp.csr_array(P.T @ A @ P) - self._rounding(A)
 
+    def operator(self, A: sp.csr_array) -> sp.csr_array:
+        """Return the (n, n) matrix of an operator on the unknowns from that (3 functions, 3 functions) on all of them.
+
+        Unlike a form it gives displacements: from those that ties allow others that they allow, A P = P B. What it
+        gives at supports drops out.
+        """
+        inverse = self.nodal_inverse
+        if self.bubbles is not None:  # the unit vectors of whose unknowns are orthonormal columns
+            inverse = sp.csr_array(sp.block_diag([inverse, self.bubbles.directions.T]))
+        return sp.csr_array(inverse @ A @ self.prolongation)
+
     def _rounding(self, A: sp.csr_array) -> sp.csr_array:
         """Return the part of a form that is rounding alone: the stiffness of elements all of whose nodes are rigid.
 

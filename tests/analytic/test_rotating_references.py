@@ -178,3 +178,27 @@ def test_damping_of_a_tied_contact_turns_with_the_bodies():
     pair = lam[np.argsort(lam.imag)][backward : backward + 2]
     assert np.ptp(pair.imag) / pair.imag.mean() > 0.03
     assert np.ptp(pair.real) < 0.01 * np.abs(pair.real).mean()
+
+
+def rotating_disc(speed=900.0, **ties):
+    """A damped disc whose hub is held, and λ of its first six modes."""
+    effects = {"rotation": about_z("disc", speed=speed), "rayleigh": {"beta": 2e-7}}
+    held = [{"surface": "hub", "fixed": "xyz"}]
+    problem = make_problem(annulus("hex2", (1, 16, 1), 0.06, 0.10, 0.01), supports=held, effects=effects, **ties)
+    return modes_of(problem, 6).lam
+
+
+def test_a_mean_on_which_nothing_acts_does_not_change_damping_that_turns():
+    """It is a change of unknowns alone, whose columns are far from unit vectors."""
+    alone = rotating_disc()
+    np.testing.assert_allclose(rotating_disc(averaged=[{"name": "a", "surface": "rim"}]), alone, rtol=1e-9)
+
+
+def test_waves_with_and_against_the_turning_decay_alike_beside_a_rigid_rim():
+    """Damping inside a body does not see the frame: both of a doublet decay as at rest, by β ω₀²/2."""
+    lam = rotating_disc(rigid=[{"name": "r", "surface": "rim"}])
+    order = np.argsort(lam.imag)
+    first = int(np.argmax(np.diff(lam.imag[order]) > 1.8 * 900.0))
+    pair = lam[order][first : first + 2]
+    assert np.ptp(pair.imag) > 1.8 * 900.0
+    assert np.ptp(pair.real) < 1e-3 * np.abs(pair.real).mean()
