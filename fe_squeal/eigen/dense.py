@@ -11,7 +11,16 @@ import scipy.linalg as la
 
 from ..errors import NotConvergedError
 from .free_modes import FreeModes, split_off
-from .lapack import APART, SOLVES, Pairs, damped_methods, finite_number, symmetric_methods, undamped_methods
+from .lapack import (
+    APART,
+    SOLVES,
+    Pairs,
+    damped_methods,
+    finite_number,
+    massless_apart,
+    symmetric_methods,
+    undamped_methods,
+)
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
 from .polish import inaccurate, pair_errors, polish_pairs
@@ -81,10 +90,12 @@ def _undamped_pairs(
         A = [X.T @ part @ X for part in A]
     if not len(A[0]):
         return (np.zeros(0), np.zeros((len(K), 0)), np.zeros((len(K), 0))), True
+    A, T = massless_apart(A)
     real_symmetric = pencil.symmetric and not pencil.is_complex
     methods = symmetric_methods(-A[1], A[0]) if real_symmetric else undamped_methods(-A[1], A[0], highest)
     theta, right, left = _finite(A, polish_pairs(A, *_best(A, methods, highest)), _HUGE**2)
     every = bool(np.isfinite(highest) or len(theta) >= finite_number(A))
+    right, left = (right, left) if T is None else (T @ right, T @ left)
     if X is None or free is None:
         return (theta, right, left), every
     right, left, Z, MW = X @ right, X @ left, free.right / d, M @ (free.left / d)
@@ -118,6 +129,7 @@ def _damped_pairs(
         A = [X.T @ part @ X for part in A]
     if not len(A[0]):
         return (np.zeros(0, complex), np.zeros((len(K), 0)), np.zeros((len(K), 0))), True
+    A, T = massless_apart(A)
     # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
     upper = free is None and not pencil.is_complex
     lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
@@ -129,6 +141,7 @@ def _damped_pairs(
         keep &= (lam.real > 0) & (lam.imag <= growing)
     lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
     every = every and bool(np.isfinite(highest) or len(lam) == np.count_nonzero(keep))
+    right, left = (right, left) if T is None else (T @ right, T @ left)
     if X is None or Z is None:
         return (lam, right, left), every
     # With C Z = M Z D and XᵀMZ = 0 the motions Z exert no force on the others, which were solved for by themselves.

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from .polish import inaccurate, pair_errors
 
@@ -14,6 +16,7 @@ Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and
 APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
 _BLURRED = 1e-11  # of the largest eigenvalue asked for: a method with such a rounding is not tried
 SOLVES = 1e-8  # backward error above which an eigenvalue that may be infinite is what rounding makes of one
+_SINGULAR = 16.0  # times n ε: part of the largest eigenvalue of a mass matrix that its eigenvalues may be wrong by
 _SHIFT = 0.1  # times the largest eigenvalue asked for: the shift, about as far from that as from much smaller ones
 
 
@@ -209,6 +212,44 @@ def finite_number(A: Sequence[np.ndarray]) -> int:
     w = np.linalg.svd(A[0][np.ix_(rest, rest)], compute_uv=False)
     multipliers = np.count_nonzero(w <= len(w) * np.finfo(float).eps * max(w.max(initial=0.0), 1.0))
     return order * int(len(light) - light.sum() - multipliers) + int(damped.sum())
+
+
+def massless_apart(A: Sequence[np.ndarray]) -> tuple[Sequence[np.ndarray], np.ndarray | None]:
+    """Return the matrices of other unknowns, where a mass matrix is singular and few of its rows or none are empty.
+
+    Each row of the mass of nodes that move one lump by their mean has entries, and rounding makes large numbers of the
+    θ that are infinite. With M = T W Tᵀ the unknowns T of zero W are those without mass, whose rows are empty.
+
+    Parameters
+    ----------
+    A : sequence of (n, n) float or complex
+        The last one is that of mass, or of its negative: real and symmetric, with a diagonal of order one.
+
+    Returns
+    -------
+    A : those given, or TᵀAT
+    T : (n, n) float or None
+        Orthogonal. It mixes only unknowns that mass couples. None where M has full rank but for empty rows.
+    """
+    M, T = A[-1], None
+    labels = connected_components(sp.csr_array(M), directed=False)[1]
+    light = []
+    for label in np.flatnonzero(np.bincount(labels) > 1):
+        own = np.flatnonzero(labels == label)
+        block, limit = M[np.ix_(own, own)], _SINGULAR * len(own) * np.finfo(float).eps
+        factor, failed = la.lapack.dpotrf(np.sign(np.trace(block)) * block)
+        if not failed and la.lapack.dpocon(factor, la.norm(block, 1))[0] > limit:
+            continue
+        w, v = la.eigh(block)
+        T = np.eye(len(M)) if T is None else T
+        T[np.ix_(own, own)] = v
+        light.append(own[np.abs(w) <= limit * np.abs(w).max()])
+    if T is None:
+        return A, None
+    turned = [T.T @ part @ T for part in A]
+    for rows in light:
+        turned[-1][rows] = turned[-1][:, rows] = 0.0
+    return turned, T
 
 
 def regular_lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
