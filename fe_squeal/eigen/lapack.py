@@ -214,7 +214,7 @@ def finite_number(A: Sequence[np.ndarray]) -> int:
     return order * int(len(light) - light.sum() - multipliers) + int(damped.sum())
 
 
-def massless_apart(A: Sequence[np.ndarray]) -> tuple[Sequence[np.ndarray], np.ndarray | None]:
+def massless_apart(A: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray | None]:
     """Return the matrices of other unknowns, where a mass matrix is singular and few of its rows or none are empty.
 
     Each row of the mass of nodes that move one lump by their mean has entries, and rounding makes large numbers of the
@@ -222,7 +222,7 @@ def massless_apart(A: Sequence[np.ndarray]) -> tuple[Sequence[np.ndarray], np.nd
 
     Parameters
     ----------
-    A : sequence of (n, n) float or complex
+    A : list of (n, n) float or complex
         The last one is that of mass, or of its negative: real and symmetric, with a diagonal of order one.
 
     Returns

@@ -22,6 +22,7 @@ from .threads import one_openblas_thread
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
 _SMALL = 2 * DENSE_LIMIT  # unknowns up to which LAPACK finds all modes where discs do not find those asked for
 _FREE = 1e-8  # of a mode: a part outside the known free motions that is smaller is rounding
+_GAP = 1e-5  # of a frequency: frequencies that are nearer to each other may be a multiple one
 _ROUGHLY = 1e-3  # accuracy of undamped frequencies that only say where a band ends
 
 
@@ -84,11 +85,20 @@ def _are_free_motions(pencil: Pencil, modes: Modes) -> np.ndarray:
     return np.asarray(np.linalg.norm(outside, axis=0) <= _FREE * np.linalg.norm(right, axis=0))
 
 
-def prove_completeness(pencil: Pencil, modes: Modes, linear_solver: LinearSolver | str = "auto") -> Completeness:
-    """Count the modes up to the highest one found by the inertia just above it (symmetric pencils).
+def prove_completeness(
+    pencil: Pencil, modes: Modes, linear_solver: LinearSolver | str = "auto", limit: float | None = None
+) -> Completeness:  # fmt: skip
+    """Count the modes by the inertia in a gap above them (symmetric pencils).
 
-    The inertia counts values of θ. One that is negative makes two modes ±λ, so where such a one is missing `expected`
-    is too small by one, but still larger than what was found.
+    The gap is the highest one between two of the modes, so that what lies above it, one mode or several of about one
+    frequency, is not counted: more modes than are needed are expected. The inertia counts values of θ. One that is
+    negative makes two modes ±λ, so where such a one is missing `expected` is too small by one, but still larger than
+    what was found.
+
+    Parameters
+    ----------
+    limit : float, rad/s, optional
+        Up to which modes were asked for: the place to count at where all those found lie below it.
 
     Returns
     -------
@@ -102,12 +112,14 @@ def prove_completeness(pencil: Pencil, modes: Modes, linear_solver: LinearSolver
         return Completeness(found, None, False)
     # A divergence has two modes ±λ for one θ < 0; only the decaying one is counted.
     omega = np.sort(modes.lam.imag[modes.lam.real <= 0])
-    # Count in the highest clear gap between two modes, so that no multiple eigenvalue is cut.
-    gaps = np.flatnonzero(np.diff(omega) > 1e-5 * omega[1:])
+    # Count in a clear gap between two modes, so that no multiple eigenvalue is cut.
+    ends = omega if limit is None or not len(omega) else np.append(omega, max(limit, omega[-1]))
+    gaps = np.flatnonzero(np.diff(ends) > _GAP * ends[1:])
     if not len(gaps):
         return Completeness(found, None, False)
     below = int(gaps[-1]) + 1
-    counted = count_below(pencil, float(omega[below - 1] + omega[below]) / 2, linear_solver)
+    place = (ends[below - 1] + ends[below]) / 2 if below < len(omega) else ends[below]
+    counted = count_below(pencil, float(place), linear_solver)
     if counted is None:
         return Completeness(found, None, False)
     return Completeness(found, found - below + counted, counted == below)

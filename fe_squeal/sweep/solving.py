@@ -168,7 +168,9 @@ class ValueSolver:
         """
         # A reduced model has the terms summed up already.
         summed = self.problem if self.model is None else self.model.basis.problem
-        c = prove_completeness(summed.pencil({self.parameter: value}), modes, self.linear_solver)
+        highest = self.request.max_frequency_hz
+        limit = None if highest is None else 2 * np.pi * highest
+        c = prove_completeness(summed.pencil({self.parameter: value}), modes, self.linear_solver, limit)
         if c.expected is None and self.model is None:
             here = self.problem.at({self.parameter: value})
             c = replace(c, expected=count_apart(here, modes, self.guarded, self.linear_solver))

@@ -99,6 +99,19 @@ def test_inertia_counts_the_modes_below_a_frequency(needs_pardiso):
     assert (result.found, result.expected, result.proven) == (14, 15, False)
 
 
+def test_a_missing_copy_of_the_highest_mode_is_counted(needs_pardiso):
+    """With a highest frequency, above all that were found there is nothing else to part what is below from the rest."""
+    theta = np.arange(1.0, N + 1)
+    theta[18:20] = 19.5
+    pencil = Pencil(sp.eye_array(N, format="csr"), sp.csr_array(np.diag(theta)), symmetric=True)
+    limit = float(np.sqrt(20.3))
+    modes = solve_modes(pencil, Request(max_frequency_hz=limit / (2 * np.pi)))
+    assert prove_completeness(pencil, modes, limit=limit).proven and len(modes) == 20
+    for found in (18, 19):
+        result = prove_completeness(pencil, modes.select(np.arange(found)), limit=float(np.sqrt(19.7)))
+        assert (result.found, result.expected, result.proven) == (found, 20, False)
+
+
 def test_rigid_modes_are_zero_and_marginal():
     """A free chain has one rigid mode; the next are those of a free rod, ω_j = 2√(k/m) sin(jπ/2n)."""
     n = N
