@@ -104,9 +104,8 @@ def with_far_growth(
         With right and left ones. Of a pencil without C all with |λ| up to the limit; with a complex K those in a circle
         around a real shift `BEHIND` the limit, through the limit.
     limit : float, rad/s
+        Above zero.
     """
-    if not limit:
-        return modes
     damped = with_damping(pencil)
     if free is not None:  # of which λ = 0 has velocities, too
         free = split_off(damped, linear_solver)

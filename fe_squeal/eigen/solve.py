@@ -178,7 +178,7 @@ def _solve_sparse(
         if wanted is not None:
             if np.isinf(reach) or pencil.problem_class == "symmetric":  # of which all divergent modes are known
                 return wanted
-            limit = float(wanted.lam.imag.max(initial=0.0))
+            limit = float(wanted.lam.imag.max(initial=0.0)) or _lowest(modes, abs(sigma) ** 0.5)
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
             del operator  # and its factors, before there are others
@@ -191,6 +191,11 @@ def _solve_sparse(
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
+
+
+def _lowest(modes: Modes, otherwise: float) -> float:
+    """Return the lowest frequency of modes that swings, rad/s: the range to look for growth in beside rigid motions."""
+    return float(modes.lam.imag[modes.lam.imag > 0].min(initial=np.inf) if modes.lam.imag.any() else otherwise)
 
 
 def _shifted(

@@ -149,3 +149,14 @@ def test_a_shift_that_is_an_eigenvalue_moves_in_blocks_too(monkeypatch):
     modes = solve_modes(Pencil(sp.eye_array(N, format="csr"), sp.csr_array(K)), Request(count=12), 16.0)
     np.testing.assert_allclose(growing(modes), [BELOW * 16.0], rtol=1e-9)
     np.testing.assert_allclose(modes.lam.imag[modes.lam.imag > 0][:10], np.sqrt(theta[1:11]), rtol=1e-9)
+
+
+def test_a_body_of_which_a_rigid_motion_alone_is_asked_for():
+    """With λ = 0 as the highest frequency, too, what grows without swinging is found."""
+    n = N - 2
+    k = np.r_[0.0, np.ones(n - 1), 0.0]
+    free = sp.diags_array([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], offsets=[0, 1, -1])
+    K = sp.csr_array(sp.block_diag([free, np.array([[-600.0, 0.5], [0.0, 9.0]])]))
+    modes = solve_modes(Pencil(sp.eye_array(N, format="csr"), K), Request(count=1))
+    np.testing.assert_allclose(growing(modes), [np.sqrt(600)], rtol=1e-12)
+    assert 0 in modes.lam
