@@ -24,6 +24,7 @@ _BEYOND = 1e-4  # of a highest frequency: so far beyond it modes are looked for,
 _BARREN, _FAR = 6, 1e3
 # Times the error of an eigenvalue, and part of it: so small a Re λ is rounding, and eigenvalues so near are one.
 _BLUR, _ROUNDING = 4, 1e-12
+_EMPTY = 0.1  # of a band: its lower part, to which its modes are looked for where the rest has none
 _ONE_DISC = 36  # modes expected at most where a step before found none: one disc covers the next step then
 
 
@@ -52,6 +53,14 @@ def band_modes(
         band = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
     expected = count or expected or count_below(symmetric_part(pencil), band, linear_solver)
     known.cover(0.0, band, expected or 20)
+    if count is None and expected and len(known.lam) < expected:  # overdamped ones, or far below the highest frequency
+        full = _occupied(pencil, band, expected, linear_solver)
+        if full < band:
+            known = KnownBand(pencil, free, linear_solver)
+            known.cover(0.0, full, expected)
+        while full < band:  # where gyroscopic terms or friction may have taken some of them
+            full, start = min(full / _EMPTY, band), full
+            known.cover(start, full, 1)
     barren = 0
     while True:
         modes, top = known.modes(), max(known.top, band)
@@ -79,6 +88,17 @@ def band_modes(
         raise NotConvergedError("beside real eigenvalues that grow the others are too uncertain to be told", modes)
     # Which ones of a crowd were found is chance, and another value would have others.
     return wanted.select(np.flatnonzero(is_needed(wanted))) if known.crowded else wanted
+
+
+def _occupied(pencil: Pencil, band: float, expected: int, linear_solver: LinearSolver | str) -> float:
+    """Return the part of a band of frequencies, rad/s, that has all its modes without damping and friction.
+
+    Where a highest frequency is far above all modes, these would be within what discs do not reach at zero.
+    """
+    undamped = symmetric_part(pencil)
+    while count_below(undamped, _EMPTY * band, linear_solver) == expected:
+        band *= _EMPTY
+    return band
 
 
 def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -> bool:

@@ -140,3 +140,15 @@ def test_slow_modes_beside_a_wide_band(eta, slow):
         exact = exact[exact.imag <= 2 * np.pi]
         assert len(modes) == len(exact) > 10
         assert np.abs(modes.lam[:, None] - exact).min(axis=0).max() < 1e-9
+
+
+@pytest.mark.parametrize("limit", some([1e3, 1e5, 1e8], lambda limit: limit == 1e5))
+def test_a_highest_frequency_far_above_all_modes(limit):
+    """All lie within the part of the band at zero that discs leave out, where overdamped modes usually crowd."""
+    n, swinging = N, 30
+    omega = np.append(np.arange(1.0, swinging + 1), np.ones(n - swinging))
+    mass = np.append(np.ones(swinging), np.zeros(n - swinging))  # the others follow
+    T = sp.csr_array(sp.eye_array(n) + sp.diags_array(np.full(n - 1, 0.2), offsets=1))
+    M, C, K = (sp.csr_array(T.T @ sp.diags_array(d) @ T) for d in (mass, 0.01 * mass * omega, omega**2))
+    modes = solve_modes(Pencil(M, K, C), Request(max_frequency_hz=limit / (2 * np.pi)))
+    np.testing.assert_allclose(modes.lam.imag, omega[:swinging] * np.sqrt(1 - 0.005**2), rtol=1e-10)
