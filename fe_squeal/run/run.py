@@ -22,6 +22,7 @@ from ..assembly.forces import force_balance
 from ..assembly.swept import keeps_shapes, swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
+from ..eigen.shift import LIGHT
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
 from ..report.tables import print_onsets, print_unstable
@@ -306,6 +307,8 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     how = "LAPACK finds all modes" if result.points[0].modes.exhaustive else "by the inertia of K − σM"
     counted = "counted without damping and friction, and followed from there by a reduced model"
     proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
+    if result.problem.problem_class == "quadratic" and not result.points[0].modes.exhaustive:
+        proof += f"; of damping ratios above {LIGHT:g} only those near others"
     console.print(
         f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
         f"{result.points[0].value:g} ({proof})",
