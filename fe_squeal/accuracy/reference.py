@@ -37,6 +37,9 @@ class Reference:
         Length of the interval that the parameter is swept over.
     uncertainty : Errors
         The errors of the reference itself; NaN where they are not known.
+    known, last_known, onsets_known : (k,), (k,) and (o,) bool
+        Which of `lam`, `last` and `onsets` are known. The others are those of a mesh, and are not found again when it
+        is refined: by them others are paired, but not judged.
     """
 
     shapes: np.ndarray
@@ -46,6 +49,36 @@ class Reference:
     onsets: np.ndarray
     width: float
     uncertainty: Errors
+    known: np.ndarray
+    last_known: np.ndarray
+    onsets_known: np.ndarray
+
+    @property
+    def limit(self) -> float:
+        """Up to which |λ|, rad/s, modes and onsets count."""
+        return COMPARED * float(self.lam.imag.max(initial=0.0))
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Which modes count for the error of the frequencies, (k,) bool."""
+        return np.asarray((self.lam.imag > 0) & (self.lam.imag <= self.limit))
+
+    @property
+    def growing(self) -> np.ndarray:
+        """Which modes of the last value count for the error of the growth rates, (k,) bool."""
+        return grows(self.last, self.limit)
+
+    @property
+    def counted_onsets(self) -> np.ndarray:
+        """Which onsets count for the error of the critical values, (o,) bool."""
+        return np.asarray(2 * np.pi * self.onsets[:, 1] <= self.limit)
+
+    @property
+    def lost(self) -> tuple[int, int, int]:
+        """How many modes, growing modes and onsets count and are not known."""
+        pairs = ((self.counted, self.known), (self.growing, self.last_known), (self.counted_onsets, self.onsets_known))
+        frequencies, rates, values = (int((counts & ~known).sum()) for counts, known in pairs)
+        return frequencies, rates, values
 
 
 @dataclass(frozen=True)
@@ -69,27 +102,43 @@ class Errors:
     onset: float = np.nan
 
 
+def grows(lam: np.ndarray, limit: float) -> np.ndarray:
+    """Return which modes (k,) bool grow by more than rounding, and have a frequency of up to `limit`, rad/s."""
+    return np.asarray((lam.real > 1e-9 * limit) & (lam.imag <= limit))
+
+
 def as_reference(m: Measurement) -> Reference:
     """Return a result, unchanged, as the reference that others are compared with."""
     k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
-    return Reference(m.first, m.last, m.lam[0, :k], m.lam[-1, :last], m.onsets, float(np.ptp(m.values)), Errors())
+    known = (np.ones(n, dtype=bool) for n in (k, last, len(m.onsets)))
+    return Reference(
+        m.first, m.last, m.lam[0, :k], m.lam[-1, :last], m.onsets, float(np.ptp(m.values)), Errors(), *known
+    )
 
 
 def reference_of(m: Measurement) -> Reference:
     """Return a reference with its uncertainty: a result, extrapolated by what refining its mesh once changes.
 
     The error is 16/15 to 2 times the change, see `bars`. So the reference is `EXTRAPOLATED` times the change away, and
-    uncertain by what is left from there to 2 times. Without changes the result itself is the reference.
+    uncertain by what is left from there to 2 times. A mode or onset that is not found again when the mesh is refined
+    has no known change, so that it has no known reference either, and the uncertainty of the quantity that it counts
+    for is not known. Without any changes the result itself is the reference.
     """
     if not len(m.changes):
         return as_reference(m)
+    own = as_reference(m)
+    known, last_known = (np.isfinite(m.changes[i, : len(lam)]) for i, lam in ((0, own.lam), (-1, own.last)))
+    onsets_known = np.isfinite(m.onset_changes)
     onsets = m.onsets.copy()
-    onsets[:, 0] += EXTRAPOLATED * np.nan_to_num(m.onset_changes)
-    reference = as_reference(replace(m, lam=m.lam + EXTRAPOLATED * np.nan_to_num(m.changes), onsets=onsets))
+    onsets[onsets_known, 0] += EXTRAPOLATED * m.onset_changes[onsets_known]
+    lam = m.lam + EXTRAPOLATED * np.where(np.isfinite(m.changes), m.changes, 0.0)
+    reference = replace(
+        as_reference(replace(m, lam=lam, onsets=onsets)), known=known, last_known=last_known, onsets_known=onsets_known
+    )
     unsure = _UNSURE / EXTRAPOLATED  # the uncertainty, as a part of the distance between the result and the reference
     errors = errors_of(m, reference)
-    own = Errors(*(unsure * e for e in (errors.frequency, errors.growth, errors.onset)))
-    return replace(reference, uncertainty=own)
+    away = zip((errors.frequency, errors.growth, errors.onset), reference.lost, strict=True)
+    return replace(reference, uncertainty=Errors(*(np.nan if lost else unsure * e for e, lost in away)))
 
 
 def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
@@ -105,24 +154,25 @@ def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
     order = np.argsort(reference.lam.imag)[: len(frequencies)]
     lam = reference.lam.astype(complex)
     lam[order] = 2j * np.pi * frequencies[: len(order)]
-    limit = COMPARED * float(lam.imag.max(initial=0.0))
-    known = bool((np.delete(lam.imag, order) > limit).all())
-    own = replace(reference.uncertainty, frequency=0.0) if known else reference.uncertainty
-    return replace(reference, lam=lam, uncertainty=own)
+    known = reference.known.copy()
+    known[order] = True
+    exact = replace(reference, lam=lam, known=known)
+    if not np.delete(exact.counted, order).any():
+        exact = replace(exact, uncertainty=replace(reference.uncertainty, frequency=0.0))
+    return exact
 
 
 def errors_of(m: Measurement, reference: Reference) -> Errors:
     """Return the errors of a result against a reference."""
     k, last = (int(np.isfinite(m.lam[i]).sum()) for i in (0, -1))
     same = same_modes(reference.shapes, reference.lam, m.first, m.lam[0, :k])
-    limit = COMPARED * float(reference.lam.imag.max(initial=0.0))
-    counted = np.flatnonzero((reference.lam.imag > 0) & (reference.lam.imag <= limit))
+    counted = np.flatnonzero(reference.counted & reference.known)
     frequency = [
         abs(m.lam[0, same[i]].imag - reference.lam[i].imag) / reference.lam[i].imag if i in same else 1.0
         for i in counted.tolist()
     ]
-    growth = _growth_error(m, last, reference, limit)
-    return Errors(max(frequency, default=np.nan), growth, _onset_error(m, reference, same, limit))
+    growth = _growth_error(m, last, reference)
+    return Errors(max(frequency, default=np.nan), growth, _onset_error(m, reference, same))
 
 
 def same_modes(shapes: np.ndarray, lam: np.ndarray, others: np.ndarray, found: np.ndarray) -> dict[int, int]:
@@ -144,30 +194,29 @@ def same_modes(shapes: np.ndarray, lam: np.ndarray, others: np.ndarray, found: n
     return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < _NO_MATCH}
 
 
-def _growth_error(m: Measurement, k: int, reference: Reference, limit: float) -> float:
+def _growth_error(m: Measurement, k: int, reference: Reference) -> float:
     found, true = m.lam[-1, :k], reference.last
-    tiny = 1e-9 * limit
-    growing = [i for i in np.flatnonzero(true.real > tiny).tolist() if true[i].imag <= limit]
-    extra = {j for j in np.flatnonzero(found.real > tiny).tolist() if found[j].imag <= limit}
-    largest = max((float(true[i].real) for i in growing), default=0.0)
+    growing, known = np.flatnonzero(reference.growing).tolist(), reference.last_known
+    extra = set(np.flatnonzero(grows(found, reference.limit)).tolist())
+    judged = [i for i in growing if known[i]]
     if not growing and not extra:
         return np.nan
-    if not growing:
-        return 1.0
+    if not judged:
+        return np.nan if growing else 1.0
+    largest = max(float(true[i].real) for i in judged)
     same = same_modes(reference.last_shapes, true, m.last, found)
-    errors = [abs(found[same[i]].real - true[i].real) if i in same else true[i].real for i in growing]
+    errors = [abs(found[same[i]].real - true[i].real) if i in same else true[i].real for i in judged]
     # Modes that grow here and do not in the reference: their whole growth rate is an error.
-    errors += [found[j].real for j in extra - {same[i] for i in growing if i in same}]
+    errors += [found[j].real for j in extra - {j for i, j in same.items() if i in growing or not known[i]}]
     return float(max(errors) / largest)
 
 
-def _onset_error(m: Measurement, reference: Reference, same: dict[int, int], limit: float) -> float:
+def _onset_error(m: Measurement, reference: Reference, same: dict[int, int]) -> float:
     true, found = (_onsets(o) for o in (reference.onsets, m.onsets))
     paired = pair_onsets(true, found, same, m.values)
     errors = []
-    for onset, j in zip(true, paired, strict=True):
-        if 2 * np.pi * onset.frequency_hz > limit:
-            continue
+    for i in np.flatnonzero(reference.counted_onsets & reference.onsets_known).tolist():
+        onset, j = true[i], paired[i]
         errors.append(abs(found[j].value - onset.value) / onset_scale(onset.value, m.values) if j is not None else 1.0)
     return max(errors, default=np.nan)
 

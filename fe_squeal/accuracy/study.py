@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COLUMNS = (
     "order", "size", "modes", "method", "tolerance", "unknowns", "seconds", "peak_memory_mib", "error_frequency",
     "error_growth", "error_onset", "algebraic_frequency", "algebraic_growth", "algebraic_onset", "seconds_estimate",
-    "knob", "units",
+    "knob", "units", "lost_frequency", "lost_growth", "lost_onset",
 )  # fmt: skip
 
 
@@ -74,7 +74,8 @@ class Study:
         """Return a row per setting, with the columns of accuracy.csv.
 
         The `error_` columns are errors against the reference, the `algebraic_` ones against the best solution on the
-        same mesh: a direct solve, or else the setting with the smallest tolerance.
+        same mesh: a direct solve, or else the setting with the smallest tolerance. The `lost_` columns are how many
+        modes, growing modes and onsets of the finest mesh are not found again when it is refined, and so not compared.
         """
         import pandas as pd
 
@@ -84,6 +85,7 @@ class Study:
             rows.append((
                 s.order, s.size, s.modes, s.method, s.tolerance, m.unknowns, m.total, m.peak_memory_mib, e.frequency,
                 e.growth, e.onset, a.frequency, a.growth, a.onset, m.seconds.get("estimate", np.nan), s.knob, s.units,
+                *self.reference.lost,
             ))  # fmt: skip
         return pd.DataFrame(rows, columns=list(COLUMNS))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .advice import QUANTITIES, advice, fitted, lines_of, pareto, size_head, size_text, units_of
+from .advice import QUANTITIES, advice, fitted, lines_of, lost, pareto, size_head, size_text, units_of
 from .branches import figure_text
 from .files import save_figure
 
@@ -76,9 +76,10 @@ def accuracy_page(
         Settings that were not measured, with the reason.
     title : str
     """
-    unsure = ", ".join(
-        f"{words} {100 * own[quantity]:.2g} %" for quantity, words in QUANTITIES.items() if np.isfinite(own[quantity])
-    )
+    bars = {q: f"{100 * own[q]:.2g} %" if np.isfinite(own[q]) else lost(frame, q) for q in QUANTITIES}
+    known = (f"{words} {bars[q]}" for q, words in QUANTITIES.items() if np.isfinite(own[q]))
+    unknown = (f"{words}: not known: {bars[q]}" for q, words in QUANTITIES.items() if bars[q] and np.isnan(own[q]))
+    unsure = "; ".join(filter(None, [", ".join(known), *unknown]))
     lines = [f"# What accuracy costs: {title or 'this scene'}", "", "![error against time](accuracy.png)", ""]
     reference = "the exact frequencies, and else to the extrapolation" if exact else "the extrapolation"
     lines += [
@@ -90,8 +91,7 @@ def accuracy_page(
         "", "## What to choose", "",
     ]  # fmt: skip
     for quantity in QUANTITIES:
-        if frame[quantity].notna().any():
-            lines += [f"- {sentence}" for sentence in advice(frame, quantity)]
+        lines += [f"- {sentence}" for sentence in advice(frame, quantity)]
     lines += ["", "## Rates", ""]
     lines += ["| quantity | order | error ~ size to the |", "|---|---|---|"]
     for quantity, words in QUANTITIES.items():

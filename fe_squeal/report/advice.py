@@ -83,6 +83,19 @@ def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
     return float(rate)
 
 
+def lost(frame: pd.DataFrame, quantity: str) -> str:
+    """Return in words how many of what a quantity is of the refined finest mesh does not have; "" where it has all.
+
+    Examples
+    --------
+    >>> lost(pd.DataFrame({"lost_onset": [1, 1]}), "error_onset")
+    '1 of them vanishes when the finest mesh is refined'
+    """
+    name = quantity.replace("error", "lost")
+    count = float(frame[name].max()) if name in frame else 0.0
+    return f"{count:g} of them vanish{'es' if count == 1 else ''} when the finest mesh is refined" if count > 0 else ""
+
+
 def lines_of(frame: pd.DataFrame) -> Iterator[tuple[ChartLine, pd.DataFrame]]:
     """Yield each line of the charts with its rows of the table."""
     for line in LINES:
@@ -103,10 +116,15 @@ def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
 def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
     """Return a sentence for each target: the fastest order and size that met it, and the fastest of the other order.
 
-    Nothing is extrapolated: if no row of the table meets a target, the row with the smallest error is named.
+    Nothing is extrapolated: if no row of the table meets a target, the row with the smallest error is named. A sentence
+    says what is not known since the refined mesh does not have it. There is none where the table has no errors.
     """
+    vanished, what = lost(frame, quantity), QUANTITIES[quantity].capitalize()
+    if not frame[quantity].notna().any():
+        return [f"{what}: not known: {vanished}."] if vanished else []
     rows = frame[frame["knob"].isin(["size", "adapted"]) & np.isfinite(frame[quantity])]
-    return [_advised(rows, target, quantity) for target in TARGETS]
+    told = [_advised(rows, target, quantity) for target in TARGETS]
+    return [*told, f"{what}: {vanished}, so that its error is not known: it is not compared."] if vanished else told
 
 
 def _advised(rows: pd.DataFrame, target: float, quantity: str) -> str:

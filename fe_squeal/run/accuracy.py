@@ -109,9 +109,8 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
         return INTERRUPTED
     frame = study.to_dataframe()
     for quantity in QUANTITIES:
-        if frame[quantity].notna().any():
-            for sentence in advice(frame, quantity):
-                console.print(sentence, markup=False)
+        for sentence in advice(frame, quantity):
+            console.print(sentence, markup=False)
     for setting, why in study.left_out:
         console.print(f"left out: {setting}: {why}", markup=False)
     console.print(f"results in {out}: report.html, accuracy.md, accuracy.png, accuracy.csv", markup=False)

@@ -49,6 +49,25 @@ def test_advice_says_what_the_table_shows():
     assert not any("extrapolated" in text for text in (five, two, one, both, none))
 
 
+def test_what_the_refined_mesh_does_not_have_is_told_and_no_mesh_advised_for_it(tmp_path):
+    columns = dict(modes=8, method="direct", tolerance=1e-8, unknowns=100, peak_memory_mib=200.0)
+    columns |= {f"algebraic_{what}": np.nan for what in ("frequency", "growth", "onset")}
+    columns |= dict(lost_frequency=2, lost_growth=0, lost_onset=1)
+    frame = table().assign(**columns, error_onset=np.nan)
+    gone = "1 of them vanishes when the finest mesh is refined"
+    assert advice(frame, "error_onset") == [f"Critical values: not known: {gone}."]
+    assert len(advice(frame, "error_growth")) == 3
+    *_, last = advice(frame, "error_frequency")
+    assert last.startswith("Frequencies: 2 of them vanish when the finest mesh is refined, so that")
+    own = {"error_frequency": np.nan, "error_growth": 0.02, "error_onset": np.nan}
+    text = accuracy_page(frame, own, "order 2, 7 mm", False, (), "")
+    assert "uncertain by growth rates 2 %; frequencies: not known: 2 of them vanish when" in text
+    assert f"; critical values: not known: {gone}." in text
+    frame.to_csv(tmp_path / "accuracy.csv", index=False)
+    write_accuracy_page(tmp_path / "accuracy.csv", tmp_path / "page.html")
+    assert f"Critical values: not known: {gone}." in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
 def test_sizes_in_other_units_have_none(tmp_path):
     """A model in mm whose scene says so by units = "any" alone: 14 is no 14 m."""
     sizes = table().assign(size=lambda t: 1e3 * t["size"], units="any")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from accuracy_scene import fake
 
-from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes
+from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes, with_exact
 
 
 def test_modes_are_paired_by_shape():
@@ -42,3 +44,28 @@ def test_reference_is_extrapolated_and_says_how_sure_it_is():
     reference = reference_of(fake([100j, 200j, 400j], shapes, changes=changes))
     np.testing.assert_allclose(reference.lam.imag, [98.6, 198.6, 398.6])
     assert reference.uncertainty.frequency == pytest.approx(0.6 / 98.6)  # an error of 2 times the change, see `bars`
+
+
+def test_what_the_refined_mesh_does_not_have_is_not_known():
+    """A NaN is no change of 0: the mode or onset has no error, and the quantity that it counts for no uncertainty."""
+    shapes, two = np.eye(6)[:, :4] + 0j, ((0.4, 100 / (2 * np.pi), 1, 1, 1, 2), (0.6, 150 / (2 * np.pi), 1, 1, 2, 3))
+    lam, change = np.array([5 + 100j, 8 + 150j, 200j, 400j]), np.full((2, 4), -1.0 - 1j)
+    found = replace(fake(lam, shapes, two, change), onset_changes=np.array([0.01, np.nan]))
+    half = reference_of(found)
+    assert np.isnan(half.uncertainty.onset) and half.lost == (0, 0, 1)
+    assert half.uncertainty.frequency == pytest.approx(0.6 / 98.6)
+    shifted = fake(lam, shapes, [(0.414, *two[0][1:]), (0.9, *two[1][1:])])
+    assert errors_of(shifted, half).onset == pytest.approx(0.0, abs=1e-12)  # the other has none
+    none = reference_of(replace(found, onset_changes=np.full(2, np.nan)))
+    assert np.isnan(errors_of(shifted, none).onset) and np.isnan(none.uncertainty.onset) and none.lost[2] == 2
+    change[:, 1] = np.nan * (1 + 1j)  # the mode at 150 rad/s, which grows most
+    gone = reference_of(fake(lam, shapes, changes=change))
+    assert np.isnan([gone.uncertainty.frequency, gone.uncertainty.growth]).all() and gone.lost == (1, 1, 0)
+    off = errors_of(fake([3.6 + 98.6j, 2 + 170j, 198.6j, 398.6j], shapes), gone)
+    assert (off.frequency, off.growth) == pytest.approx((0.0, 0.0), abs=1e-12)
+    empty = reference_of(fake(lam, shapes, changes=np.full((2, 4), np.nan * (1 + 1j))))
+    away = errors_of(fake(lam, shapes), empty)
+    assert np.isnan([away.frequency, away.growth, empty.uncertainty.frequency, empty.uncertainty.growth]).all()
+    exact = with_exact(empty, lam.imag / (2 * np.pi))  # what is known exactly needs no refined mesh
+    assert exact.uncertainty.frequency == 0.0 and exact.lost[0] == 0
+    assert errors_of(fake(1.01 * lam, shapes), exact).frequency == pytest.approx(0.01)

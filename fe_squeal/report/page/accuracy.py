@@ -33,7 +33,7 @@ def write_accuracy_page(path: Path, page: Path) -> tuple[str, ...]:
     known = [q for q in QUANTITIES if q in frame and frame[q].notna().any()]
     unknown = [words for q, words in QUANTITIES.items() if q not in known]
     lacks = tuple(f"The error of the {words} is not known, so it is not shown." for words in unknown)
-    sentences = [sentence for q in known for sentence in advice(frame, q)]
+    sentences = [sentence for q in QUANTITIES if q in frame for sentence in advice(frame, q)]
     plots = [_plot(frame, q) for q in known]
     places = "".join(
         f'<h3>{QUANTITIES[q].capitalize()}</h3><div class="chart" id="{q}" role="img" aria-label="Relative error of the'
