@@ -66,6 +66,8 @@ class StudyRecord(BaseModel):
     status: str | None = None
     driver: str | None = None
     probability: _Number = None
+    samples: Annotated[int, Field(ge=1, strict=True)] | None = None
+    probability_interval: tuple[_Finite, _Finite] | None = None
     known_hz: _Number = None
     dangerous: list[str] | None = None
     parameters: list[str] | None = None

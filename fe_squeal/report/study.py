@@ -49,25 +49,32 @@ def _figure(width: float, height: float, title: str) -> Figure:
 
 
 def plot_probability(
-    bands: pd.DataFrame, path: str | os.PathLike[str], title: str = "", known_hz: float = np.inf
-) -> Path:
+    bands: pd.DataFrame, path: str | os.PathLike[str], title: str = "", known_hz: float = np.inf,
+    found: tuple[float, float, float] | None = None,
+) -> Path:  # fmt: skip
     """Draw the probability of instability in every band and in the whole range, with 95 % intervals.
 
     All modes are known up to `known_hz`, which the whole range then is called by; where that is infinite they are all
-    there are.
+    there are. Where some are found above it, `found` is the probability with these and its interval: a bar of its own.
     """
     figure = _figure(8, 4.4, title)
     axes = figure.subplots()
     labels = [f"{low / 1e3:g} – {high / 1e3:g}" for low, high in bands[["low_hz", "high_hz"]].to_numpy()[:-1]]
+    labels.append(f"all up\nto {known_hz / 1e3:.4g}" if np.isfinite(known_hz) else "all")
     p = 100 * bands[["probability", "lower", "upper"]].to_numpy(float)
-    x = np.arange(len(bands), dtype=float)
-    x[-1] += 0.4  # apart from the bands
-    axes.bar(x, p[:, 0], 0.62, color=["#86a9c8"] * (len(bands) - 1) + ["#51606e"], zorder=2)
+    if found is not None:
+        labels.append("all that\nis found")
+        p = np.vstack([p, 100 * np.array(found)])
+    x = np.arange(len(p), dtype=float)
+    x[len(bands) - 1 :] += 0.4  # apart from the bands
+    colours = ["#86a9c8" if i < len(bands) - 1 else "#51606e" for i in range(len(p))]
+    axes.bar(x, p[:, 0], 0.62, color=colours, zorder=2)
     gaps = np.maximum(np.stack([p[:, 0] - p[:, 1], p[:, 2] - p[:, 0]]), 0.0)
     axes.errorbar(x, p[:, 0], gaps, fmt="none", ecolor="black", elinewidth=1.3, capsize=5, zorder=3)
-    for at, value, top in zip(x, p[:, 0], p[:, 2], strict=True):
-        axes.annotate(f"{value:.3g} %", (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=9)
-    axes.set_xticks(x, [*labels, f"all up\nto {known_hz / 1e3:.4g}" if np.isfinite(known_hz) else "all"])
+    for i, (at, value, top) in enumerate(zip(x, p[:, 0], p[:, 2], strict=True)):
+        least = "≥ " if i == len(bands) else ""
+        axes.annotate(f"{least}{value:.3g} %", (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=9)
+    axes.set_xticks(x, labels)
     axes.set_xlabel("band of frequency (kHz)")
     axes.set_ylabel("probability of instability (%)")
     axes.set_ylim(0, min(max(1.15 * float(p[:, 2].max()), 1.0), 108.0))

@@ -17,7 +17,8 @@ from ..scene.numbers import GEOMETRY
 from ..scene.study import StudySection
 from ..scene.writing import scene_text
 from ..study.models import without_file
-from ..study.scatter import SAMPLES, ScatterResult, scatter
+from ..study.scatter import SAMPLES, scatter
+from ..study.scatter_result import ScatterResult
 from .folder import (
     BANDS_TABLE,
     DANGEROUS,
@@ -46,19 +47,15 @@ def scattered(
     for frame, name in zip((samples, modes, bands, indices), names, strict=True):
         write_csv(frame, out / name)
     driver = driving(indices, "unstable") or driving(indices, "worst_re") or result.names[0]
-    plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz)
+    whole, found = bands.iloc[-1], result.found
+    beyond = found if found[0] > whole["probability"] else None  # with what is found where not all modes are known
+    plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz, beyond)
     plot_scatter(samples, modes, driver, out / SCATTER_FIGURE, scene.title)
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
     dangerous = _write_dangerous(scene, result, out)
-    whole = bands.iloc[-1]
-    known = f", up to {result.known_hz:.4g} Hz" if np.isfinite(result.known_hz) else ""
-    console.print(
-        f"unstable with a probability of {100 * whole['probability']:.3g} % (95 %: {100 * whole['lower']:.3g} to"
-        f" {100 * whole['upper']:.3g} %), by {len(samples)} samples{known}",
-        markup=False,
-    )
-    if known:
-        console.print(f"above {result.known_hz:.4g} Hz not all modes were solved for", markup=False)
+    unstable = int(samples["unstable"].sum())
+    for sentence in _told(result, whole.to_dict(), unstable):
+        console.print(sentence, markup=False)
     for row in bands.iloc[:-1].to_dict("records"):
         if row["probability"] > 0:
             console.print(
@@ -66,17 +63,42 @@ def scattered(
                 f" ({100 * row['lower']:.3g} to {100 * row['upper']:.3g} %)",
                 markup=False,
             )
-    if 0 < whole["probability"] < 1:
+    if 0 < result.probability < 1:
         console.print(f"driven most by {driver}", markup=False)
     console.print(result.solver.why, markup=False)
     worst = [samples[name].quantile([0.05, 0.5, 0.95]).tolist() for name in ("worst_re", "worst_damping_ratio")]
     return {
         "samples": len(samples), "parameters": list(result.names), "method": result.solver.why,
         "solved_directly": int((samples["method"] == "direct").sum()), "tolerance": section.tolerance,
-        "largest_error": float(samples["error"].max()), "probability": result.probability, "driver": driver,
+        "largest_error": float(samples["error"].max()), "unstable_samples": unstable,
+        "probability": result.probability, "probability_interval": list(found[1:]),
         "known_hz": result.known_hz if np.isfinite(result.known_hz) else None,
+        "known_probability": float(whole["probability"]),
+        "known_probability_interval": [float(whole[k]) for k in ("lower", "upper")], "driver": driver,
         "worst_re_quantiles": worst[0], "worst_damping_ratio_quantiles": worst[1], "dangerous": dangerous,
     }  # fmt: skip
+
+
+def _told(result: ScatterResult, whole: dict[str, float], unstable: int) -> list[str]:
+    """Return sentences on the probability of instability, given the row of the whole range and the unstable samples."""
+    count, (found, *interval) = len(result.rows), result.found
+    known, ends = whole["probability"], _percent(whole["lower"], whole["upper"])
+    if not np.isfinite(result.known_hz):
+        return [f"unstable with a probability of {100 * known:.3g} % ({ends}), by {count} samples"]
+    above = f"above {result.known_hz:.4g} Hz not all modes were solved for"
+    if found == known:
+        said = f"unstable with a probability of {100 * known:.3g} % ({ends}), by {count} samples"
+        return [f"{said}, up to {result.known_hz:.4g} Hz", above]
+    return [
+        f"unstable with a probability of at least {100 * found:.3g} % ({_percent(*interval)}): {unstable} of"
+        f" {count} samples have an unstable mode among those solved for",
+        f"up to {result.known_hz:.4g} Hz, where all modes are known, the probability is {100 * known:.3g} % ({ends})",
+        above,
+    ]
+
+
+def _percent(lower: float, upper: float) -> str:
+    return f"95 %: {100 * lower:.3g} to {100 * upper:.3g} %"
 
 
 def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Path) -> list[str]:

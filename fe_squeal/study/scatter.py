@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -14,149 +12,13 @@ from ..problem.problem import Problem
 from ..scene import Scene
 from ..scene.faults import validated
 from ..scene.study import Distribution, StudySection
-from ..sweep.noise import classify_noise
-from .indices import index_rows
-from .models import Solver
 from .outcome import COLUMNS, MODE_COLUMNS
 from .points import Scatter, sobol_points
+from .scatter_result import ScatterResult
 from .solving import TRAINED, Options, Solving
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SAMPLES = 1000  # samples, if their number is not given
 _SEEDS = 1_000_003  # difference between the seeds of points for different purposes
-
-
-@dataclass(frozen=True)
-class ScatterResult:
-    """Result of a scatter.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The d parameters.
-    points : (m, d) float
-        Values of the parameters at the m samples.
-    rows : (m, columns) float
-        What is kept of the modes of each sample, see `Outcome.row`.
-    modes : (k, 1 + columns) float
-        For every unstable mode the number of its sample, from 0, and `MODE_COLUMNS`.
-    edges : (b + 1,) float, Hz
-        Edges of the b bands of frequency.
-    again : (d, q, columns) float
-        `rows` of the first q samples with one parameter after the other drawn anew.
-    again_modes : list of d (k, 1 + columns) float
-        `modes` of these.
-    solver : Solver
-        How the modes were solved for.
-    """
-
-    names: tuple[str, ...]
-    points: np.ndarray
-    rows: np.ndarray
-    modes: np.ndarray
-    edges: np.ndarray
-    again: np.ndarray
-    again_modes: list[np.ndarray]
-    solver: Solver = field(repr=False)
-
-    @property
-    def probability(self) -> float:
-        """The part of the samples that are unstable."""
-        return float(self.rows[:, 0].mean())
-
-    @property
-    def known_hz(self) -> float:
-        """Up to which frequency, Hz, all modes of every sample are known; infinite where they are all there are."""
-        return float(self.rows[:, COLUMNS.index("known_hz")].min(initial=np.inf))
-
-    @property
-    def samples(self) -> pd.DataFrame:
-        """A table with a row per sample and the columns of samples.csv."""
-        import pandas as pd
-
-        frame = pd.DataFrame(self.rows, columns=list(COLUMNS))
-        frame.insert(0, "sample", np.arange(1, len(frame) + 1))
-        for i, name in enumerate(self.names):
-            frame.insert(1 + i, name, self.points[:, i])
-        frame["unstable"] = frame["unstable"].astype(int)
-        del frame["known_hz"]
-        frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
-        frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # becomes the last column
-        frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))
-        return frame
-
-    @property
-    def unstable_modes(self) -> pd.DataFrame:
-        """A table with a row per unstable mode and the columns of unstable_modes.csv."""
-        import pandas as pd
-
-        frame = pd.DataFrame(self.modes, columns=["sample", *MODE_COLUMNS])
-        frame["sample"] = frame["sample"].astype(int) + 1
-        frame["noise"] = [classify_noise(f) for f in frame["frequency_hz"]]
-        return frame
-
-    @property
-    def bands(self) -> pd.DataFrame:
-        """A table of the probability of instability by band, with its 95 % interval and the columns of bands.csv.
-
-        The interval is that of Clopper and Pearson. It is right for any number of independent samples, and a little too
-        wide for Sobol points. Above the range in which the modes of all samples are known it says nothing of what was
-        not found: its upper end is 1 there. The last row is the whole range of frequencies in
-        which the modes of all samples are known.
-        """
-        import pandas as pd
-        from scipy.stats import binomtest
-
-        count, rows = len(self.rows), list[tuple[float, ...]]()
-        for low, high, hit in self._by_band():
-            k = int(hit.sum())
-            interval = binomtest(k, count).proportion_ci(0.95, method="exact")
-            upper = interval.high if high <= self.known_hz else 1.0
-            rows.append((low, high, k / count, interval.low, upper, count))
-        return pd.DataFrame(rows, columns=["low_hz", "high_hz", "probability", "lower", "upper", "samples"])
-
-    @property
-    def indices(self) -> pd.DataFrame:
-        """A table of Sobol indices, with half the widths of their 95 % intervals and the columns of indices.csv."""
-        import pandas as pd
-
-        outputs = {"unstable": self.rows[:, 0], "worst_re": self.rows[:, 1]}
-        again = {"unstable": self.again[:, :, 0], "worst_re": self.again[:, :, 1]}
-        for low, high, hit in self._by_band()[:-1]:
-            if 0 < hit.sum() < len(hit):
-                name = f"unstable_{low:g}_{high:g}_hz"
-                outputs[name] = hit.astype(float)
-                changed = [_in_band(m, self.again.shape[1], low, high) for m in self.again_modes]
-                again[name] = np.array(changed, float).reshape(len(self.names), -1)
-        rows = index_rows(self.names, self.points, outputs, again)
-        return pd.DataFrame(rows, columns=["parameter", "output", "first", "first_error", "total", "total_error"])
-
-    def dangerous(self, count: int) -> list[int]:
-        """Return the positions of the `count` unstable samples that grow most, or of all if there are fewer."""
-        grows = np.flatnonzero(self.rows[:, 0] > 0)
-        return [int(i) for i in grows[np.argsort(-self.rows[grows, 1], kind="stable")][:count]]
-
-    def _by_band(self) -> list[tuple[float, float, np.ndarray]]:
-        """Return the edges of each band, Hz, and (m,) bool which samples have an unstable mode in it.
-
-        The last entry is the whole range of frequencies: that of the bands, and of unstable modes beside them, as far
-        as the modes of all samples are known.
-        """
-        count = len(self.rows)
-        found = [(float(a), float(b), _in_band(self.modes, count, a, b)) for a, b in pairwise(self.edges)]
-        hz = np.append(self.modes[:, 1], self.edges)
-        low, high = float(hz.min()), float(hz.max())
-        if not low < self.known_hz < high:
-            return [*found, (low, high, self.rows[:, 0] > 0)]
-        beyond = float(np.nextafter(self.known_hz, np.inf))  # the highest mode that is known counts
-        return [*found, (low, self.known_hz, _in_band(self.modes, count, low, beyond))]
-
-
-def _in_band(modes: np.ndarray, count: int, low: float, high: float) -> np.ndarray:
-    inside = (modes[:, 1] >= low) & (modes[:, 1] < high)
-    return np.bincount(modes[inside, 0].astype(int), minlength=count)[:count] > 0
 
 
 def scatter(

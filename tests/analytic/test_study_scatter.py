@@ -206,3 +206,30 @@ def test_bands_beyond_the_range_that_is_solved_are_not_called_safe():
     # The row of all bands ends where knowledge does, and so says nothing of the pair above.
     assert few.bands.iloc[-1][["low_hz", "high_hz"]].to_list() == pytest.approx([500.0, 1100.0])
     assert few.bands["upper"].iloc[-1] < 0.3 and every.bands["high_hz"].iloc[-1] == 4000.0
+
+
+def test_samples_that_are_unstable_above_what_is_known_are_in_the_probability():
+    """Of each sample one mode: its frequency, √(k (1 + δ/2)) of an unstable pair, is above that of a stable sample.
+
+    All modes of every sample are known up to the least of these frequencies, which says little; the verdicts are right.
+    """
+    few = scatter(two_modes(), UNIFORM, samples=64, indices=False, modes=1)
+    mu, delta = few.points.T
+    unstable = delta < 2 * mu
+    pairs = np.sqrt(STIFFNESS * (1 + delta[unstable] / 2)) / (2 * np.pi)  # where μ ≪ 1
+    whole, (found, lower, upper) = few.bands.iloc[-1], few.found
+    assert found == few.probability == unstable.mean() and lower < 1 / 3 and upper == 1.0
+    known = np.count_nonzero(pairs <= few.known_hz * (1 + 1e-6)) / 64
+    assert whole["probability"] == pytest.approx(known, abs=1.1 / 64) and whole["upper"] < found
+    assert whole["high_hz"] == few.known_hz and scatter(two_modes(), UNIFORM, 64, indices=False).found[2] < 0.5
+
+
+@pytest.mark.parametrize(("bands", "ends"), [
+    ([2000.0, 3000.0], (0.0, 3000.0)), ([1000.0, 3000.0], (1000.0, 3000.0)), ([0.0, 10.0], (0.0, 1700.0)),
+])  # fmt: skip
+def test_the_whole_range_has_all_unstable_modes(bands, ends):
+    """Those of two modes are at 1.6 to 1.7 kHz; it begins at no mode, but at the first edge of the bands, or at 0."""
+    found = scatter(two_modes(), UNIFORM, samples=32, indices=False, bands=bands)
+    last = found.bands.iloc[-1]
+    assert last["low_hz"] == ends[0] and last["high_hz"] == pytest.approx(ends[1], rel=0.06)
+    assert last["probability"] == found.probability > 0.2

@@ -93,6 +93,31 @@ def test_the_page_says_up_to_which_frequency_a_probability_holds(tmp_path, recor
     assert "Unstable with a probability of 25 % (95 % interval 15 to 37 %)" in answer and f"{sentence}</p>" in answer
 
 
+def test_the_page_leads_with_all_samples_that_are_found_unstable(tmp_path):
+    """Also where they are unstable above the frequency up to which all modes of all samples are known."""
+    record = {"known_hz": 3200.0, "probability": 0.75, "probability_interval": [0.626, 1.0], "samples": 64}
+    write_json({"status": "complete", **record}, tmp_path / "study.json")
+    write_csv(BANDS, tmp_path / "bands.csv")
+    figures = dict.fromkeys(("probability", "scatter", "indices"), tmp_path / "none.png")
+    write_study_page(tmp_path / "study.json", {"bands": tmp_path / "bands.csv"}, figures, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    answer = page.split('<section id="answer"')[1].split("</section>")[0]
+    assert (
+        '<p class="answer">Unstable with a probability of at least 75 % (95 % interval 62.6 to 100 %): 48 of 64 samples'
+        " have an unstable mode among those solved for. The probability is 25 % (95 % interval 15 to 37 %), up to"
+        " 3200 Hz, where all modes are known; above it not all modes were solved for.</p>"
+    ) in answer
+    assert '<th scope="row">all that is found</th>' in answer and "at least 75" in answer
+
+
+def test_the_picture_has_a_bar_of_all_samples_that_are_found_unstable(tmp_path, drawn):
+    study.plot_probability(BANDS, tmp_path / "probability.png", "", 3200.0, (0.75, 0.626, 1.0))
+    axes = drawn[0].axes[0]
+    assert [text.get_text() for text in axes.get_xticklabels()][2:] == ["all up\nto 3.2", "all that\nis found"]
+    assert [bar.get_height() for bar in axes.patches] == [25.0, 0.0, 25.0, 75.0]
+    assert [text.get_text() for text in axes.texts][2:] == ["25 %", "≥ 75 %"]
+
+
 @pytest.mark.parametrize(("known", "label"), [(3200.0, "all up\nto 3.2"), (np.inf, "all")])
 def test_the_picture_says_up_to_which_frequency_a_probability_holds(tmp_path, drawn, known, label):
     study.plot_probability(BANDS, tmp_path / "probability.png", "", known)

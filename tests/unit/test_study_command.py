@@ -122,6 +122,23 @@ def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
     assert "nothing is left to resume" in capsys.readouterr().out
 
 
+def test_a_scatter_leads_with_all_samples_that_are_found_unstable(scene, tmp_path, capsys):
+    """Of each sample one mode of two: all modes are known up to the lowest alone, and most unstable ones are above."""
+    path, out = scene(SCATTER, 16), tmp_path / "out"
+    path.write_text(path.read_text().replace("[study]", "[solve]\nmodes = 1\n[study]\nindices = false"))
+    assert main(["study", str(path), "-o", str(out)]) == 0
+    record, samples = json.loads((out / "study.json").read_text()), pd.read_csv(out / "samples.csv")
+    whole, printed = pd.read_csv(out / "bands.csv").iloc[-1], " ".join(capsys.readouterr().out.split())
+    count = int((samples["delta"] < 2 * samples["mu"]).sum())
+    assert record["unstable_samples"] == count and record["probability"] == count / 16 > record["known_probability"]
+    assert record["known_probability"] == whole["probability"] and whole["high_hz"] == record["known_hz"]
+    assert record["known_probability_interval"] == whole[["lower", "upper"]].to_list()
+    assert record["probability_interval"][1] == 1.0
+    assert f"at least {100 * count / 16:.3g} % (95 %: " in printed
+    assert f"{count} of 16 samples have an unstable mode among those solved for" in printed
+    assert f"up to {whole['high_hz']:.4g} Hz, where all modes are known, the probability is" in printed
+
+
 def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
     out = tmp_path / "out"
     path = scene(MAP)

@@ -68,15 +68,7 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
 
 def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures: dict[str, Path]) -> list[Section]:
     bands, indices = frames.get("bands", pd.DataFrame()), frames.get("indices", pd.DataFrame())
-    answer, rows = [], []
-    for r in bands.to_dict("records"):
-        low, high = (f"{100 * r[k]:.3g}" for k in ("lower", "upper"))
-        rows.append((f"{r['low_hz']:g} to {r['high_hz']:g} Hz", f"{100 * r['probability']:.3g}", f"{low} to {high}"))
-    if rows:
-        span, value, interval = rows.pop()
-        where, above = _covered(said, span)
-        rows.append((f"all{where}", value, interval))
-        answer.append(f"Unstable with a probability of {value} % (95 % interval {interval} %){where}{above}.")
+    answer, rows = _probabilities(said, bands)
     if said.get("driver") and 0 < (said.get("probability") or 0) < 1:
         answer.append(f"What drives it most is {said['driver']}.")
     words = "".join(f'<p class="answer">{text(sentence)}</p>' for sentence in answer)
@@ -93,6 +85,31 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
             "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)),
         ("dangerous", "Samples that grow most, as scenes", dangerous or "<p>No sample is unstable.</p>"),
     ]  # fmt: skip
+
+
+def _probabilities(said: dict[str, Any], bands: pd.DataFrame) -> tuple[list[str], list[tuple[str, str, str]]]:
+    """Return the sentence on the probability of instability, if it is known, and the rows of the table by band."""
+    if not len(bands):
+        return [], []
+    numbers = [[100 * r[k] for k in ("probability", "lower", "upper")] for r in bands.to_dict("records")]
+    spans = [f"{r['low_hz']:g} to {r['high_hz']:g} Hz" for r in bands.to_dict("records")]
+    where, above = _covered(said, spans[-1])
+    rows = [(span, f"{p:.3g}", f"{low:.3g} to {high:.3g}") for span, (p, low, high) in zip(spans, numbers, strict=True)]
+    _, value, interval = rows[-1]
+    rows[-1] = f"all{where}", value, interval
+    found, count = 100 * (said.get("probability") or 0.0), said.get("samples")
+    if not above or found <= numbers[-1][0] or not count:
+        return [f"Unstable with a probability of {value} % (95 % interval {interval} %){where}{above}."], rows
+    # Some samples are unstable only by modes above the frequency up to which all are known.
+    ends = said.get("probability_interval")
+    sure = f"{100 * ends[0]:.3g} to {100 * ends[1]:.3g}" if ends else ""
+    rows.append(("all that is found", f"at least {found:.3g}", sure))
+    sure = f" (95 % interval {sure} %)" if sure else ""
+    return [
+        f"Unstable with a probability of at least {found:.3g} %{sure}: {found * count / 100:.0f} of {count} samples"
+        f" have an unstable mode among those solved for. The probability is {value} % (95 % interval {interval}"
+        f" %){where}, where all modes are known{above}."
+    ], rows
 
 
 def _covered(said: dict[str, Any], span: str) -> tuple[str, str]:
