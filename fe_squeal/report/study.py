@@ -117,7 +117,7 @@ def plot_scatter(
 
 def plot_indices(indices: pd.DataFrame, path: str | os.PathLike[str], title: str = "") -> Path:
     """Draw first-order and total Sobol indices of every parameter for every output, with 95 % intervals."""
-    known = indices[indices["first"].notna()]
+    known = indices[indices[["first", "total"]].notna().any(axis=1)]
     outputs = list(dict.fromkeys(known["output"]))
     names = list(dict.fromkeys(indices["parameter"]))
     figure = _figure(3.0 + 2.6 * max(len(outputs), 1), 1.6 + 0.5 * len(names), title)

@@ -47,14 +47,15 @@ def scattered(
     for frame, name in zip((samples, modes, bands, indices), names, strict=True):
         write_csv(frame, out / name)
     driver = driving(indices, "unstable") or driving(indices, "worst_re") or result.names[0]
-    whole, found = bands.iloc[-1], result.found
-    beyond = found if found[0] > whole["probability"] else None  # with what is found where not all modes are known
+    known, lower, upper = (float(bands[name].iloc[-1]) for name in ("probability", "lower", "upper"))
+    found = result.found
+    beyond = found if found[0] > known else None  # with what is found where not all modes are known
     plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz, beyond)
     plot_scatter(samples, modes, driver, out / SCATTER_FIGURE, scene.title)
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
     dangerous = _write_dangerous(scene, result, out)
     unstable = int(samples["unstable"].sum())
-    for sentence in _told(result, whole.to_dict(), unstable):
+    for sentence in _told(result, known, lower, upper, unstable):
         console.print(sentence, markup=False)
     for row in bands.iloc[:-1].to_dict("records"):
         if row["probability"] > 0:
@@ -73,16 +74,14 @@ def scattered(
         "largest_error": float(samples["error"].max()), "unstable_samples": unstable,
         "probability": result.probability, "probability_interval": list(found[1:]),
         "known_hz": result.known_hz if np.isfinite(result.known_hz) else None,
-        "known_probability": float(whole["probability"]),
-        "known_probability_interval": [float(whole[k]) for k in ("lower", "upper")], "driver": driver,
+        "known_probability": known, "known_probability_interval": [lower, upper], "driver": driver,
         "worst_re_quantiles": worst[0], "worst_damping_ratio_quantiles": worst[1], "dangerous": dangerous,
     }  # fmt: skip
 
 
-def _told(result: ScatterResult, whole: dict[str, float], unstable: int) -> list[str]:
-    """Return sentences on the probability of instability, given the row of the whole range and the unstable samples."""
-    count, (found, *interval) = len(result.rows), result.found
-    known, ends = whole["probability"], _percent(whole["lower"], whole["upper"])
+def _told(result: ScatterResult, known: float, lower: float, upper: float, unstable: int) -> list[str]:
+    """Return sentences on the probability of instability, given that of the whole range, and the unstable samples."""
+    count, (found, *interval), ends = len(result.rows), result.found, _percent(lower, upper)
     if not np.isfinite(result.known_hz):
         return [f"unstable with a probability of {100 * known:.3g} % ({ends}), by {count} samples"]
     above = f"above {result.known_hz:.4g} Hz not all modes were solved for"

@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.stats import norm
 
-_CARRIED = 20  # samples: where the variance of Y is that of fewer, its first-order indices are not known
+_CARRIED = 20  # samples: where the variance of Y is that of fewer, its indices are not known
+_UNSEEN = 0.05  # probability of seeing no sample change, with the largest part of them that is not ruled out
 _BOOTSTRAPS = 200  # resampled estimates, from which the error of an index is taken
 _SEED = 20251122
 _HALF = float(norm.ppf(0.975))  # standard deviations on either side of a 95 % interval
@@ -49,8 +50,8 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     >>> abs(index - 0.8) < error < 0.05
     True
     """
-    m, square = len(y), (y - y.mean()) ** 2
-    if not square.any() or square.sum() ** 2 < _CARRIED * (square**2).sum():
+    m = len(y)
+    if not _is_carried(y):
         return np.nan, np.nan
     rng = np.random.default_rng(_SEED)
     y = y[np.lexsort((rng.random(m), x))]  # equal values in random order
@@ -64,6 +65,15 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     best = int(np.argmax(whole - np.hypot(_HALF * parts[known].std(axis=0), laid)))
     error = _HALF * np.sqrt(((parts[known, best] - whole[best]) ** 2).mean())
     return float(whole[best]), float(np.hypot(error, laid[best]))
+
+
+def _is_carried(y: np.ndarray) -> bool:
+    """Return whether Y (m,) varies, and by enough samples: (Σ s)²/Σ s², with s the square of a deviation from the mean.
+
+    It is m for samples that deviate by as much each, and about n where n of many have another Y than the rest.
+    """
+    square = (y - y.mean()) ** 2
+    return bool(square.any() and square.sum() ** 2 >= _CARRIED * (square**2).sum())
 
 
 def _of_neighbours(y: np.ndarray, widths: np.ndarray) -> np.ndarray:
@@ -97,7 +107,8 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
     Returns
     -------
     index, error : float
-        The index, and half the width of its 95 % interval; NaN if Y is constant.
+        The index, and half the width of its 95 % interval; NaN if Y is constant, or varies by a few samples alone: of
+        these, resampled ones are too much like each other to tell the error.
 
     Examples
     --------
@@ -106,8 +117,11 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
     >>> abs(index - 0.8) < error < 0.06
     True
     """
-    if np.ptp(y) == 0 and np.ptp(changed) == 0:
+    if not _is_carried(np.concatenate([y, changed])):
         return np.nan, np.nan
+    if np.array_equal(y, changed):  # so would all resampled ones be
+        unseen = 1 - _UNSEEN ** (1 / len(y))  # the part that X may change, although it changes none of these
+        return 0.0, float(unseen * np.ptp(y) ** 2 / 2 / y.var())
 
     def estimate(pick: np.ndarray) -> float:
         both = np.concatenate([y[pick], changed[pick]])

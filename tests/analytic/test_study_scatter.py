@@ -188,6 +188,37 @@ def test_a_first_order_index_of_a_few_samples_is_not_known():
     assert np.isnan(first_order(x, (x > 0.99).astype(float))).all()
 
 
+TOTALS = {"linear": 0.8, "without influence": 0.0, "threshold at the end": 1.0, "steep": 1.0,
+          "two thresholds": 0.3 * 0.7 * 0.5 / (0.15 * 0.85), "twenty values": 1.0}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_intervals_of_total_indices_hold_the_truth(kind):
+    """In nine of ten sets of samples at least, rare results among them."""
+    y, held = FAMILIES[kind][1], []
+    for seed in range(40):
+        x, changed = sobol_points(600, 2, seed), np.random.default_rng([seed, 12]).random((600, 1))
+        index, error = total_order(y(x).astype(float), y(np.hstack([changed, x[:, 1:]])).astype(float))
+        held.append(abs(index - TOTALS[kind]) <= error)
+    assert np.mean(held) >= 0.9
+
+
+def test_a_total_index_of_a_few_samples_is_not_known():
+    """Where one of many is unstable, and none or one of those drawn anew, the index is 0 or 1, whatever the truth."""
+    x, new = np.random.default_rng(3).random((2, 128))
+    for above in (1.0, 0.99, 0.93):
+        y = (x > 1 - 1e-9 - (x == x.max())).astype(float)
+        assert y.sum() == 1 and np.isnan(total_order(y, (new > above).astype(float))).all()
+    assert np.isfinite(total_order((x > 0.8).astype(float), (new > 0.8).astype(float))).all()
+
+
+def test_a_number_that_changes_no_sample_may_change_others():
+    """With 0 of 64 changed, 4.6 % may be: 0.95 is the probability of seeing some then."""
+    y = (np.arange(64) % 2).astype(float)
+    index, error = total_order(y, y)
+    assert index == 0.0 and error == pytest.approx(0.0457 / 2 / 0.25, rel=1e-2)
+
+
 def test_bands_beyond_the_range_that_is_solved_are_not_called_safe():
     """Of two pairs the second one is unstable at 3.5 kHz: with two modes nothing is known above the first."""
     omega = 2 * np.pi * np.array([1000.0, 1100.0, 3500.0, 3500.0])

@@ -122,3 +122,22 @@ def test_the_picture_has_a_bar_of_all_samples_that_are_found_unstable(tmp_path, 
 def test_the_picture_says_up_to_which_frequency_a_probability_holds(tmp_path, drawn, known, label):
     study.plot_probability(BANDS, tmp_path / "probability.png", "", known)
     assert [text.get_text() for text in drawn[0].axes[0].get_xticklabels()] == ["1 – 2", "2 – 4", label]
+
+
+@pytest.mark.parametrize("total", [np.nan, 0.4])
+def test_the_page_says_why_an_index_is_missing(tmp_path, total):
+    rows = {"output": "unstable", "parameter": ["mu", "k"], "first": [0.3, 0.2], "first_error": 0.05}
+    write_csv(pd.DataFrame({**rows, "total": total, "total_error": 0.05}), tmp_path / "indices.csv")
+    write_csv(BANDS, tmp_path / "bands.csv")
+    write_json({"status": "complete"}, tmp_path / "study.json")
+    tables = {name: tmp_path / f"{name}.csv" for name in ("bands", "indices")}
+    figures = dict.fromkeys(("probability", "scatter", "indices"), tmp_path / "none.png")
+    write_study_page(tmp_path / "study.json", tables, figures, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ("fewer than some twenty samples make all of the variance" in page) == bool(np.isnan(total))
+
+
+def test_the_picture_has_outputs_of_which_total_indices_alone_are_known(tmp_path, drawn):
+    rows = {"output": "unstable", "parameter": ["mu", "k"], "first": np.nan, "first_error": np.nan}
+    plot_indices(pd.DataFrame({**rows, "total": 0.4, "total_error": 0.05}), tmp_path / "indices.png")
+    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == ["with all others"]

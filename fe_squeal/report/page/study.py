@@ -16,6 +16,8 @@ from fe_squeal.report.record import StudyRecord, left_out, readable
 from fe_squeal.report.table_files import read_checked
 
 _MOST = 200  # rows of a table, at most
+_EMPTY = ("–: not known, as fewer than some twenty samples make all of the variance; with all others also where no"
+          " sample was solved again with that number drawn anew.")  # fmt: skip
 # Of each table the columns that have no holes, and those that may have some.
 _COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "bands": (("low_hz", "high_hz", "probability", "lower", "upper"), ()),
@@ -82,7 +84,8 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
         ("bands", "Probability", _image(figures["probability"], "Probability of instability by band")),
         ("scatter", "Every unstable mode", _image(figures["scatter"], "Damping ratio against frequency")),
         ("indices", "What drives it", _image(figures["indices"], "Sobol indices") + table(
-            "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)),
+            "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)
+            + (paragraph(_EMPTY) if "–" in {share for row in shares for share in row[2:]} else "")),
         ("dangerous", "Samples that grow most, as scenes", dangerous or "<p>No sample is unstable.</p>"),
     ]  # fmt: skip
 
