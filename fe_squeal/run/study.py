@@ -21,6 +21,7 @@ from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
 from ..scene.study import StudySection
+from ..study.solving import check_method
 from ..version import __version__
 from .checkpoint import read_json
 from .folder import (
@@ -67,8 +68,8 @@ def study(
     Raises
     ------
     SceneError, MeshError
-        The scene has no study or is wrong, also at one of the places of the study, or the options contradict each
-        other. What was finished before is kept.
+        The scene has no study, asks for a method that studies do not have, or is wrong, also at one of the places of
+        the study, or the options contradict each other. What was finished before is kept.
     OutputError
         The folder cannot be used.
     NotConvergedError
@@ -76,6 +77,7 @@ def study(
     """
     if scene.study is None:
         raise SceneError(f"{scene.source}: study: is missing; expected a table, written [study]")
+    check_method(scene.solve.method, f"{scene.source}: solve.method")
     if workers < 0:
         raise SceneError(f"--workers: given {workers}; expected 0 or more")
     if workers and scheduler:
@@ -123,8 +125,8 @@ def _study(
     }  # fmt: skip
     options: dict[str, Any] = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": section.tolerance,
-        "workers": workers, "scheduler": scheduler, "linear_solver": solver, "parts": parts.stage,
-        "scene": scene if isinstance(scene, Scene) else None,
+        "workers": workers, "scheduler": scheduler, "linear_solver": solver, "method": scene.solve.method,
+        "parts": parts.stage, "scene": scene if isinstance(scene, Scene) else None,
     }  # fmt: skip
     write_json({**about, "status": "running"}, out / STUDY_RECORD)
     try:

@@ -235,8 +235,8 @@ class StudySection(Section):
     x, y : table
         The parameters of a map.
     tolerance : float
-        Relative error of every eigenvalue, next to a double one times its condition. A sample whose estimated error is
-        larger is solved directly.
+        Relative error of every eigenvalue, next to a double one times its condition, instead of `tolerance` of [solve].
+        A sample whose estimated error is larger is solved directly.
     """
 
     samples: Annotated[int, Field(ge=8, le=10_000_000)] | None = None

@@ -109,7 +109,7 @@ def stability_map(
         The two axes, as `[study.x]` and `[study.y]` of a scene: {"parameter": "mu", "from": 0.0, "to": 0.7, "points":
         29}, with "scale": "log" for a logarithmic one.
     **options
-        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress, see
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, method, scene, parts and progress, see
         `fe_squeal.study.solving.Options`.
 
     Returns

@@ -156,7 +156,7 @@ class Solver:
 def make_solver(
     problem: Problem, names: Sequence[str], low: np.ndarray, high: np.ndarray,
     draw: Callable[[int], list[tuple[float, ...]]], request: Request, linear_solver: LinearSolver | str = "auto",
-    scene: Scene | None = None, progress: Callable[[str], None] = lambda text: None,
+    method: str = "auto", scene: Scene | None = None, progress: Callable[[str], None] = lambda text: None,
 ) -> Solver:  # fmt: skip
     """Return how a study is solved: by a reduced model if every parameter only changes coefficients of terms.
 
@@ -174,6 +174,8 @@ def make_solver(
     request : Request
         Which modes are asked for, and to what tolerance.
     linear_solver : LinearSolver or str
+    method : "auto", "direct" or "reduced"
+        "direct": no reduced model is made.
     scene : Scene, optional
         The scene of the problem; needed if a parameter is a number of its geometry.
     progress : callable of str
@@ -197,6 +199,8 @@ def make_solver(
     for name, least, most in zip(names, low, high, strict=True):
         problem = problem.prepared(name, np.array([least, most]))
     direct = DirectModel(problem, names, request, linear_solver)
+    if method == "direct":
+        return Solver(direct, None, None, 'direct solves, which method = "direct" asks for')
     others = [n for n in names if not problem.is_affine(n)]
     if others:
         why = f"direct solves: {others[0]} changes matrices, not their coefficients alone"

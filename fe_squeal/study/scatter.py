@@ -53,7 +53,7 @@ def scatter(
         Whether to solve as many samples again for total Sobol indices; it is not done if every sample has to be solved
         directly.
     **options
-        modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts and progress, see
+        modes, max_frequency, tolerance, workers, scheduler, linear_solver, method, scene, parts and progress, see
         `fe_squeal.study.solving.Options`.
 
     Returns

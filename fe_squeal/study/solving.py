@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from ..eigen.request import Request
+from ..errors import SceneError
 from ..problem.problem import Problem
 from ..problem.terms import check_terms
 from ..scene import Scene
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
 
 _LOSSES = "loss factors say nothing of what grows without swinging or as fast as it swings, which counts as stable"
+METHODS = ("auto", "direct", "reduced")
 TRAINED = 200  # points for which a reduced model is made, and at which it is checked
 
 Progress = Callable[[str, int, int, float], None]  # stage, places done, places in all, places per second
@@ -43,6 +45,8 @@ class Options(TypedDict, total=False):
         Address of a running scheduler of Dask, instead of `workers`.
     linear_solver : "auto", "pardiso", "superlu", "mumps" or LinearSolver
         As for `sweep`.
+    method : "auto", "direct" or "reduced"
+        "direct" solves directly at every place; the others make a reduced model where there can be one that pays.
     scene : Scene, optional
         The scene of the problem; needed if a parameter is a number of its geometry.
     parts : callable of str, optional
@@ -57,9 +61,22 @@ class Options(TypedDict, total=False):
     workers: int
     scheduler: str
     linear_solver: LinearSolver | str
+    method: str
     scene: Scene | None
     parts: Callable[[str], Parts] | None
     progress: Progress
+
+
+def check_method(method: str, key: str = "method") -> None:
+    """Refuse a method that studies do not have, and name the key that it was given by.
+
+    Raises
+    ------
+    SceneError
+        It is none of `METHODS`.
+    """
+    if method not in METHODS:
+        raise SceneError(f'{key}: given "{method}", which studies do not have; expected {", ".join(METHODS)}')
 
 
 class Solving:
@@ -74,13 +91,13 @@ class Solving:
         The box that contains all places.
     draw : callable of int
         Returns (TRAINED, d) points that fill the box, different ones for each number.
-    modes, max_frequency, tolerance, workers, scheduler, linear_solver, scene, parts, progress
+    modes, max_frequency, tolerance, workers, scheduler, linear_solver, method, scene, parts, progress
         See `Options`.
 
     Raises
     ------
     SceneError
-        The problem does not have a parameter, nothing depends on it, or its matrices are faulty.
+        The problem does not have a parameter, nothing depends on it, its matrices are faulty, or the method is none.
 
     Attributes
     ----------
@@ -94,15 +111,16 @@ class Solving:
         self, problem: Problem, names: Sequence[str], low: np.ndarray, high: np.ndarray,
         draw: Callable[[int], np.ndarray], *, modes: int | None = None, max_frequency: float | None = None,
         tolerance: float = 1e-6, workers: int = 0, scheduler: str = "", linear_solver: LinearSolver | str = "auto",
-        scene: Scene | None = None, parts: Callable[[str], Parts] | None = None,
+        method: str = "auto", scene: Scene | None = None, parts: Callable[[str], Parts] | None = None,
         progress: Progress = lambda stage, done, total, rate: None,
     ) -> None:  # fmt: skip
+        check_method(method)
         if problem.source is None:
             check_terms(problem.terms)
         self.request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
         self.solver = make_solver(
             problem, names, low, high, lambda i: [tuple(map(float, point)) for point in draw(i)], self.request,
-            linear_solver, scene, lambda text: progress(text, 0, 0, 0.0),
+            linear_solver, method, scene, lambda text: progress(text, 0, 0, 0.0),
         )  # fmt: skip
         if problem.problem_class == "complex":
             self.solver = replace(self.solver, why=f"{self.solver.why}; {_LOSSES}")

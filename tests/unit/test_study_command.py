@@ -165,6 +165,7 @@ def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
         (SCATTER + MAP, "given both"),
         (MAP.replace("to = 0.1\n", "to = 0.01\n"), "expected from < to"),
         (MAP.replace('parameter = "delta"', 'parameter = "mu"'), 'given "mu" twice'),
+        ('[solve]\nmethod = "modal"\n' + SCATTER, 'solve.method: given "modal", which studies do not have'),
     ],
 )
 def test_bad_input_is_one_sentence(scene, tmp_path, capsys, study, message):
@@ -172,6 +173,13 @@ def test_bad_input_is_one_sentence(scene, tmp_path, capsys, study, message):
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_direct_solves_are_made_where_they_are_asked_for(scene, tmp_path):
+    out = tmp_path / "out"
+    assert main(["study", str(scene('[solve]\nmethod = "direct"\n' + SCATTER, 16)), "-o", str(out)]) == 0
+    assert json.loads((out / "study.json").read_text())["method"] == 'direct solves, which method = "direct" asks for'
+    assert set(pd.read_csv(out / "samples.csv")["method"]) == {"direct"}
 
 
 @pytest.mark.slow

@@ -13,11 +13,12 @@ from chains import stiffening_chain
 from selection import some
 
 from fe_squeal.eigen.request import Request
-from fe_squeal.errors import NotConvergedError
+from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.study import engine
 from fe_squeal.study.models import DirectModel, Solver, make_solver
 from fe_squeal.study.outcome import Outcome
 from fe_squeal.study.pools import Here, Processes, pool_of
+from fe_squeal.study.solving import Solving
 from tests.studies import two_modes
 
 PLACES = np.arange(80.0)[:, None]  # two chunks of 32 and one of 16
@@ -207,3 +208,19 @@ def test_places_where_stiffness_is_far_larger_have_all_modes(most: float) -> Non
     for place in ([1.0, 1.0], [7.9, 1.0], [8.1, 1.0], [10.0, 1.0], [5.0, 1.1]):
         found = solver.outcome(np.array(place))
         assert found.unstable == (place[0] > 8)
+
+
+def test_the_method_that_is_asked_for_is_taken() -> None:
+    """A reduced model would do for 500 unknowns; direct solves find the same."""
+    problem, _ = stiffening_chain(500, 8.0, {"p": 3, "q": 1})
+    low, high, rng = np.array([1.0, 1.0]), np.array([10.0, 1.1]), np.random.default_rng(0)
+    reduced, direct = (
+        make_solver(problem, ("p", "q"), low, high, lambda i: [tuple(x) for x in rng.uniform(low, high, (8, 2))],
+                    Request(count=8), method=method) for method in ("reduced", "direct")
+    )  # fmt: skip
+    assert reduced.box is not None and direct.box is None and "asks for" in direct.why
+    one, other = (solver.outcome(np.array([8.1, 1.0])) for solver in (reduced, direct))
+    assert one.unstable and other.unstable and (one.row[6], other.row[6]) == (0, 1)
+    assert one.modes[:, 0] == pytest.approx(other.modes[:, 0], rel=1e-6)
+    with pytest.raises(SceneError, match='method: given "modal"'):
+        Solving(problem, ("p", "q"), low, high, lambda i: np.zeros((0, 2)), method="modal")
