@@ -268,8 +268,8 @@ class StudySection(Section):
         if not self.parameters:
             if self.x is None or self.y is None:
                 raise ValueError("given one of x and y; expected both [study.x] and [study.y]")
-            for key in ("samples", "bands", "correlation"):
-                if getattr(self, key):
+            for key in ("samples", "seed", "bands", "correlation", "indices"):
+                if key in self.model_fields_set:
                     raise ValueError(f"{key}: belongs to a scatter; expected none beside [study.x] and [study.y]")
         known: list[str] = []
         for name in self.names:

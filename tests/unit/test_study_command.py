@@ -165,6 +165,8 @@ def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
         (SCATTER + MAP, "given both"),
         (MAP.replace("to = 0.1\n", "to = 0.01\n"), "expected from < to"),
         (MAP.replace('parameter = "delta"', 'parameter = "mu"'), 'given "mu" twice'),
+        *((f"[study]\n{key} = {value}\n" + MAP, f"{key}: belongs to a scatter; expected none beside [study.x]")
+          for key, value in {"samples": 64, "seed": 0, "bands": [1, 2], "correlation": [], "indices": "true"}.items()),
         ('[solve]\nmethod = "modal"\n' + SCATTER, 'solve.method: given "modal", which studies do not have'),
     ],
 )
