@@ -14,27 +14,42 @@ Place = float | tuple[float, ...]  # the value of one parameter, or the values o
 _SHOWN = 80  # characters of a wrong value that a message shows
 
 
-def canonical(path: str) -> str:
-    """Return the name under which a path is known: "mu" for effects.friction.mu, else itself."""
-    return MU if path == _LONG else path.removeprefix("parameters.")
-
-
 def paths_of(parameter: str) -> list[str]:
-    """Return the paths in the scene that one parameter changes together.
+    """Return the paths in the scene that one parameter changes together, each by the one name that it is known by.
+
+    That is "mu" for effects.friction.mu, "NAME" for parameters.NAME of a scene of matrices, and else the path itself.
 
     Raises
     ------
     SceneError
-        The name is not a text.
+        The name is not a text, or has one path twice.
 
     Examples
     --------
-    >>> paths_of("springs.left.damping, springs.right.damping")
-    ['springs.left.damping', 'springs.right.damping']
+    >>> paths_of("effects.friction.mu, springs.right.damping")
+    ['mu', 'springs.right.damping']
     """
     if not isinstance(parameter, str):
         raise SceneError(f'given {_short(parameter)} as the name of a parameter; expected a text, as "{MU}"')
-    return [p.strip() for p in parameter.split(",")]
+    paths = [_known(path.strip()) for path in parameter.split(",")]
+    if twice := [path for i, path in enumerate(paths) if path in paths[:i]]:
+        raise SceneError(f'given "{twice[0]}" twice; expected every path once')
+    return paths
+
+
+def parameter_name(parameter: str) -> str:
+    """Return the one name that a parameter is known by; raises what `paths_of` does.
+
+    Examples
+    --------
+    >>> parameter_name("effects.friction.mu,springs.right.damping")
+    'mu, springs.right.damping'
+    """
+    return ", ".join(paths_of(parameter))
+
+
+def _known(path: str) -> str:
+    return MU if path == _LONG else path.removeprefix("parameters.")
 
 
 def values_at(parameter: str | tuple[str, ...], place: Place) -> dict[str, float]:
@@ -74,7 +89,7 @@ def values_by_path(
     Raises
     ------
     SceneError
-        If it is no such mapping. The message shows how to write it.
+        If it is no such mapping, or has two values for one path. The message shows how to write it.
 
     Examples
     --------
@@ -93,12 +108,14 @@ as in problem.at({"springs.left.damping": 2})
         said = ", ".join(_short(value) for value in (given, *more))
         raise SceneError(f"given {said}; expected parameters with their values, {shown}")
     found: dict[str, float] = {}
-    for name, value in {**(given or {}), **(named or {})}.items():
+    for name, value in (*(given or {}).items(), *(named or {}).items()):
         if not isinstance(name, str):
             raise SceneError(f"given {_short(name)} as the name of a parameter; expected a text, {shown}")
         if not _is_number(value):
             raise SceneError(f"{name}: given {_short(value)}; expected a finite number, {shown}")
-        found |= dict.fromkeys(paths_of(name), float(value))
+        for path in paths_of(name):
+            if found.setdefault(path, float(value)) != value:
+                raise SceneError(f"{path}: given {found[path]:g} and {float(value):g}; expected one value")
     return found
 
 

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import lift
 from ..eigen.pencil import Modes
+from .parameters import paths_of
 from .problem import Problem
 from .terms import POWER
 
@@ -57,7 +58,7 @@ def sensitivities(
         change = np.zeros(len(lam), complex)
         if problem.is_affine(path):
             for t, form in zip(problem.terms, forms, strict=True):
-                change += t.slope(path, problem.parameters) * t.unit(lam) * form
+                change += sum(t.slope(p, problem.parameters) for p in paths_of(path)) * t.unit(lam) * form
         else:
             for slot, power in POWER.items():
                 if (d := problem.derivative(path, slot)) is not None:

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import with_short_indices
 from ..eigen.definite import signs_of
 from ..errors import SceneError
+from .parameters import paths_of
 from .symmetry import measure_symmetry
 
 Slot = Literal["M", "C", "K"]
@@ -146,16 +147,20 @@ class Term:
 
 
 def check_terms(terms: Sequence[Term]) -> None:
-    """Refuse matrices that somebody made by hand and that are no terms of one equation of motion.
+    """Refuse terms that somebody made by hand and that are none of one equation of motion.
 
     Raises
     ------
     SceneError
-        See `Term.fault`; or the matrices have different sizes.
+        See `Term.fault`; or the matrices have different sizes, or a power is of a name that stands for other ones.
     """
     for term in terms:
         if term.fault:
             raise SceneError(f"term {term.name}: {term.fault}")
+        for name in term.powers:
+            if paths_of(name) != [name]:
+                known = " and ".join(f'"{path}"' for path in paths_of(name))
+                raise SceneError(f'term {term.name}: given a power of "{name}", which means {known}; expected that')
         n, first = term.matrix.shape[0], terms[0]
         if n != first.matrix.shape[0]:
             raise SceneError(

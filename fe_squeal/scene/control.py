@@ -9,8 +9,23 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..eigen.linear.choice import SolverName
-from ..problem.parameters import MU, canonical, paths_of
+from ..errors import SceneError
+from ..problem.parameters import MU, parameter_name
 from ..schema.section import Positive, Section, Text
+
+
+def checked_name(text: str) -> str:
+    """Return the name of a parameter as it is known.
+
+    Raises
+    ------
+    ValueError
+        Where `parameter_name` raises SceneError, which validators do not pass on.
+    """
+    try:
+        return parameter_name(text)
+    except SceneError as error:
+        raise ValueError(str(error)) from error
 
 
 class SweepSection(Section):
@@ -45,10 +60,7 @@ class SweepSection(Section):
         paths = [p for p in (value if isinstance(value, list) else [value]) if isinstance(p, str) and p.strip()]
         if not paths or (isinstance(value, list) and len(paths) < len(value)):
             raise ValueError('expected "mu", the path of a number such as "springs.NAME.damping", or a list of paths')
-        names = [canonical(p) for path in paths for p in paths_of(path)]
-        if len(set(names)) < len(names):
-            raise ValueError("expected different paths")
-        return ", ".join(names)
+        return checked_name(", ".join(paths))
 
     @field_validator("values")
     @classmethod

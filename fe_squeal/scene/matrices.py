@@ -109,6 +109,8 @@ class MatrixScene(BaseScene):
         for name in self.parameters:
             if not name or "," in name:
                 raise ValueError(f'parameters: given the name "{name}"; expected one not empty, and without a comma')
+            if paths_of(name) != [name]:
+                raise ValueError(f'parameters: given the name "{name}"; expected "{paths_of(name)[0]}", as it is known')
         for i, term in enumerate(self.terms):
             for name, exponent in term.powers.items():
                 if name not in self.parameters:

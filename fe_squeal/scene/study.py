@@ -12,15 +12,11 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..errors import suggest
-from ..problem.parameters import canonical, paths_of
+from ..problem.parameters import paths_of
 from ..schema.section import Positive, Section
+from .control import checked_name
 
 _Pair = Annotated[tuple[str, str, float], Field(strict=False)]
-
-
-def parameter_name(name: str) -> str:
-    """Return the name of a parameter of several paths, each as it is known, "mu" for short effects.friction.mu."""
-    return ", ".join(canonical(path) for path in paths_of(name))
 
 
 class _Bounded(Section):
@@ -194,7 +190,7 @@ class Axis(Section):
     @field_validator("parameter")
     @classmethod
     def _name(cls, value: str) -> str:
-        return parameter_name(value)
+        return checked_name(value)
 
     @model_validator(mode="after")
     def _rising(self) -> Axis:
@@ -277,18 +273,18 @@ class StudySection(Section):
                 if path in known:
                     raise ValueError(f'given "{path}" twice; expected every path once')
                 known.append(path)
-        names = {parameter_name(k): d for k, d in self.parameters.items()}
+        names = {checked_name(k): d for k, d in self.parameters.items()}
         pairs: set[frozenset[str]] = set()
         for i, (a, b, coefficient) in enumerate(self.correlation):
-            for name in (parameter_name(a), parameter_name(b)):
+            for name in (checked_name(a), checked_name(b)):
                 if name not in names:
                     raise ValueError(f'correlation[{i}]: given "{name}", no key of parameters{suggest(name, names)}')
                 if not names[name].is_normal:
                     raise ValueError(f'correlation[{i}]: "{name}" is neither normal nor lognormal; expected such ones')
-            if parameter_name(a) == parameter_name(b) or not -1 < coefficient < 1:
+            if checked_name(a) == checked_name(b) or not -1 < coefficient < 1:
                 given = f"{a}, {b}, {coefficient:g}"
                 raise ValueError(f"correlation[{i}]: given {given}; expected two keys, and a number between -1 and 1")
-            pair = frozenset((parameter_name(a), parameter_name(b)))
+            pair = frozenset((checked_name(a), checked_name(b)))
             if pair in pairs:
                 raise ValueError(f"correlation[{i}]: given {a}, {b} twice; expected every pair once")
             pairs.add(pair)
@@ -299,12 +295,12 @@ class StudySection(Section):
         """The parameters, in the order in which they are given."""
         if self.x is not None and self.y is not None:
             return self.x.parameter, self.y.parameter
-        return tuple(parameter_name(name) for name in self.parameters)
+        return tuple(checked_name(name) for name in self.parameters)
 
     @property
     def positive(self) -> frozenset[str]:
         """The parameters whose values stay above 0 although they have no least value: lognormal ones."""
-        return frozenset(parameter_name(name) for name, d in self.parameters.items() if d.lognormal is not None)
+        return frozenset(checked_name(name) for name, d in self.parameters.items() if d.lognormal is not None)
 
     @property
     def ends(self) -> tuple[tuple[float | None, float | None], ...]:

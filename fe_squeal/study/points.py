@@ -9,7 +9,8 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from ..errors import SceneError
-from ..scene.study import Distribution, parameter_name
+from ..problem.parameters import parameter_name
+from ..scene.study import Distribution
 
 _EDGE = 1e-12  # least distance of a probability from 0 and 1, where quantiles of unbounded distributions are infinite
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import NotConvergedError, SceneError, SceneWarning, TooLargeError
-from ..problem.parameters import paths_of
+from ..problem.parameters import parameter_name, paths_of
 
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
@@ -120,6 +120,7 @@ def sweep(
     from .running import RunningSweep
 
     _check_request(modes, max_frequency, tolerance, method)
+    parameter = parameter_name(parameter)
     if problem.source is None:
         check_terms(problem.terms)
     values, solver = _checked(problem, parameter, values), choose(linear_solver)

@@ -15,8 +15,10 @@ import scipy.sparse as sp
 import fe_squeal
 from fe_squeal import Problem, SceneError
 from fe_squeal.problem.parameters import values_by_path
+from fe_squeal.problem.sensitivity import sensitivities
 from fe_squeal.problem.terms import Term
-from meshes import BELT, box, make_problem
+from fe_squeal.scene.numbers import plain
+from meshes import BELT, box, make_problem, modes_of
 
 PISTON = "springs.piston.stiffness"
 
@@ -115,6 +117,60 @@ def test_without_a_scene_the_message_has_a_parameter_of_the_problem() -> None:
 
 def test_several_paths_get_one_value() -> None:
     assert values_by_path({"a.b, c": 2}) == {"a.b": 2.0, "c": 2.0}
+
+
+LONG, RATIO = "effects.friction.mu", "contacts.contact_1.friction_ratio"
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        ({"mu": 0.25}, {LONG: 0.4}), ({LONG: 0.25}, {"mu": 0.4}), ({"mu": 0.25}, {f"{LONG}, {RATIO}": 0.4}),
+        ({"mu": 0.25}, {LONG: 0.5}, {"mu": 0.4}, {"materials.steel.poisson_ratio": 0.31}),
+    ],
+    ids=["short, long", "long, short", "long with another", "before terms are made anew"],
+)  # fmt: skip
+def test_the_short_and_the_long_name_are_one_parameter(problem: Problem, steps: tuple[dict[str, float], ...]) -> None:
+    """The last value counts, also the nominal one after another, and matrices are those of one call."""
+    found, named = problem, {"mu"}
+    for step in steps:
+        found = found.at(step)
+        named |= {path for key in step for path in key.split(", ")} - {LONG}
+    assert found.value("mu") == found.value(LONG) == found.parameters["mu"] == 0.4 and LONG not in found.changed
+    together = problem.at({path: found.value(path) for path in named})
+    assert abs(found.pencil().K - together.pencil().K).max() == 0
+    nominal = found.at({LONG: 0.3})
+    assert nominal.value("mu") == nominal.value(LONG) == 0.3
+
+
+def test_derivatives_and_sweeps_by_the_long_name(problem: Problem) -> None:
+    """Along "a, b" an eigenvalue moves by the sum of what it moves by along a and b."""
+    assert abs(problem.derivative(LONG, "K") - problem.derivative("mu", "K")).max() == 0
+    both = f"{LONG}, {RATIO}"
+    result = fe_squeal.sweep(problem, [0.0, 0.3], parameter=both, modes=2)
+    assert result.parameter == f"mu, {RATIO}"
+    modes = modes_of(problem, 8)  # of which three are free
+    by = sensitivities(problem, modes, np.flatnonzero(modes.lam), [LONG, RATIO, both])
+    assert by[both] == pytest.approx(by[LONG] + by[RATIO], rel=1e-12)
+    assert np.abs(by[LONG]).max() > 0
+
+
+def test_one_path_has_one_value_and_stands_once(problem: Problem) -> None:
+    with pytest.raises(SceneError, match=r"^mu: given 0\.2 and 0\.3; expected one value$"):
+        problem.at({"mu": 0.2, LONG: 0.3})
+    with pytest.raises(SceneError, match=r'^given "mu" twice; expected every path once$'):
+        problem.derivative(f"mu, {LONG}", "K")
+    scene = problem.source.scene.model_dump(by_alias=True, exclude_unset=True)  # type: ignore[union-attr]
+    for given in ([LONG, "mu"], f"mu, {LONG}"):
+        with pytest.raises(SceneError, match=r'^scene: sweep\.parameter: .*given "mu" twice; expected every path'):
+            fe_squeal.parse_scene({**plain(scene), "sweep": {"parameter": given, "values": [0.0, 0.3]}})
+
+
+def test_terms_by_hand_have_powers_of_names_as_they_are_known() -> None:
+    one = sp.csr_array(np.eye(2))
+    problem = Problem((Term("m", "M", one, True), Term("k", "K", one, True, {LONG: 1})), {LONG: 2.0})
+    with pytest.raises(SceneError, match=f'^term k: given a power of "{LONG}", which means "mu"; expected that$'):
+        fe_squeal.sweep(problem, [1.0], parameter=LONG)
 
 
 @pytest.mark.parametrize("table", ["scene", "effect", "material"])
