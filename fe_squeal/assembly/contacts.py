@@ -57,7 +57,8 @@ def make_contact(
         counter = find_facets(loaded, contact.counterface, f"{key}.counterface", "rigid")
     sides = contact_sides(space.mesh, bodies, pad, counter, key, contact.surface, contact.counterface)
     tied = contact.kind == "tied"
-    return contact_operators(space, pad, counter, motion, contact.gap_tolerance, key, tied), sides[1], sides[0]
+    sliding = None if tied else motion  # nothing moves along a surface that is tied, also where both sides turn
+    return contact_operators(space, pad, counter, sliding, contact.gap_tolerance, key, tied), sides[1], sides[0]
 
 
 def with_gap_tolerances(scene: Scene, loaded: LoadedMesh) -> Scene:

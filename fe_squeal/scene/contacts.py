@@ -81,7 +81,7 @@ class Contact(Section):
     sliding : table
         Motion of the counterface; needed by a sliding contact. On a curved face, such as that of a drum or a bush, the
         normals are across this motion, so that straight edges of the mesh do not hold what turns; a frictionless
-        contact of such a face needs it for that.
+        contact of such a face needs it for that. A tied contact holds in all directions whatever the motion.
     """
 
     name: str = ""

@@ -162,3 +162,21 @@ def test_kinds_and_ratio():
     sliding_damped = block_problem(normal_damping=7.0)
     damping = R[:, :3].T @ (term(sliding_damped, "contact", "C") @ R[:, :3])
     np.testing.assert_allclose(damping, np.diag([0, 0, 7.0 * LENGTH * WIDTH]), atol=1e-14)
+
+
+@pytest.mark.parametrize("motion", [None, {"axis": [0, 0, 1], "speed": 5.0}, {"direction": [0, 0, 1], "speed": 1.0}])
+def test_a_tied_contact_holds_all_directions_whatever_moves_under_it(motion):
+    """K = k ∫ δu·u dA: kA along x, y and z, also at the axis, where nothing slides, and along the normal.
+
+    The bore of a ring of 20 flat facets has the area of its chords, and normals that are not across the rotation.
+    """
+    flat = box("hex2", (1, 1, 1), (LENGTH, WIDTH, HEIGHT), (-LENGTH / 2, -WIDTH / 2, 0.0))
+    bore = annulus("hex1", (1, 20, 1), 0.1, 0.2, HEIGHT)
+    chords = 20 * 2 * 0.1 * np.sin(np.pi / 20)
+    for mesh, surface, area in ((flat, "bottom", LENGTH * WIDTH), (bore, "hub", chords * HEIGHT)):
+        tied = {**contact(surface=surface, kind="tied"), "sliding": motion}
+        problem = make_problem(mesh, contacts=[{k: v for k, v in tied.items() if v is not None}], order=2)
+        R = rigid_motions(problem)[:, :3]
+        found = R.T @ (term(problem, "contact") @ R)
+        np.testing.assert_allclose(found, STIFFNESS * area * np.eye(3), atol=1e-12 * STIFFNESS * area)
+        assert not problem.warnings
