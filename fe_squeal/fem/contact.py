@@ -17,7 +17,8 @@ from .motion import SteadyMotion
 from .spaces import ROUNDED, DisplacementSpace
 
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
-_CLOSED = 1e-9  # of the facet size: surfaces that are no farther apart lie on each other but for rounding
+# Surfaces no farther apart than this part of a facet's size, or of the coordinates, lie on each other but for rounding.
+_CLOSED, _ROUNDING = 1e-9, 1e-14
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def contact_operators(
     sliding : SteadyMotion or None
         None for a contact that does not slide; slip and cross then lie along two arbitrary tangents.
     gap_tolerance : float, m, optional
-        Default `default_gap_tolerance`.
+        Default `default_gap_tolerance`; with 0 surfaces touch that lie on each other but for rounding.
     is_tied : bool
         Whether the contact couples all three directions.
 
@@ -106,9 +107,11 @@ def contact_operators(
         tolerance = gap_tolerance
         if tolerance is None:
             tolerance = default_gap_tolerance(space.mesh, pad, counter_facets)
-        hit = locate_along(space.mesh, counter_facets, pad.points, n, tolerance)
+        touching = max(_CLOSED * np.sqrt(pad.area / len(pad_facets)), _ROUNDING * float(np.abs(pad.points).max()))
+        reach = max(tolerance, touching)
+        hit = locate_along(space.mesh, counter_facets, pad.points, n, reach)
         separation = hit.distance
-        keep = np.abs(separation) <= tolerance
+        keep = np.abs(separation) <= reach
         if not keep.any():
             nearest = np.abs(separation[np.isfinite(separation)])
             if len(nearest):
@@ -120,7 +123,7 @@ def contact_operators(
                 f"{name}: the surface and its counterface do not touch: {gap}; expected at most gap_tolerance ="
                 f" {tolerance:.3g} m; check the groups, or set gap_tolerance"
             )
-        far = is_tied & (np.abs(separation) > _CLOSED * np.sqrt(pad.area / len(pad_facets)))
+        far = is_tied & (np.abs(separation) > touching)
         beside = np.where(far, separation, 0.0)[keep, None] * n[keep]
         counter = interpolation(space, hit.elements[keep], hit.reference[:, keep], beside)
         values = values[keep] - counter

@@ -76,8 +76,8 @@ class Contact(Section):
         Contact damping. Friction follows the force of the contact stiffness alone.
     gap_tolerance : float, m
         Gaps and overlaps of the two meshes up to it are taken as closed (default: 2 % of the mean facet size of the
-        pad, and what straight facets leave out of a curved face); in metres whatever `length_unit` is. A mesh that is
-        refined keeps it.
+        pad, and what straight facets leave out of a curved face; 0: what rounding leaves, no more); in metres whatever
+        `length_unit` is. A mesh that is refined keeps it.
     sliding : table
         Motion of the counterface; needed by a sliding contact. On a curved face, such as that of a drum or a bush, the
         normals are across this motion, so that straight edges of the mesh do not hold what turns; a frictionless

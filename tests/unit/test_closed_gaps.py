@@ -16,10 +16,11 @@ from fe_squeal.accuracy.refined import FinerMesh
 from fe_squeal.accuracy.settings import own_setting, scene_at
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.assembly.contacts import closed_by_default
+from fe_squeal.errors import SceneError
 from fe_squeal.fem.closing import default_gap_tolerance, sagitta
 from fe_squeal.fem.spaces import make_space
 from fe_squeal.mesh.writing import write_loaded
-from meshes import BELT, STEEL, annulus, box, join, make_problem, mapped, raised
+from meshes import BELT, STEEL, annulus, box, join, make_problem, mapped, raised, rotation
 
 RADIUS = 0.03
 CONTACT = {"name": "c", "surface": "rim_bush", "counterface": "hub_ring", "normal_stiffness": 1e11, "kind": "tied"}
@@ -75,6 +76,32 @@ def test_a_flat_gap_stays_closed_on_a_finer_mesh():
     problem = make_problem(join(pad, plate), 1, contacts=[contact], supports=held)
     finer = FinerMesh.of(problem.source).assembly.problem({}).discretisation.contacts["contact_1"]
     assert finer.area == pytest.approx(0.04**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1", "hex2"])
+@pytest.mark.parametrize("away", [0.0, 100.0])
+def test_without_a_tolerance_surfaces_touch_that_lie_on_each_other_but_for_rounding(kind, away):
+    """Also far from the origin, where the coordinates of both sides are rounded; 1e-6 of a facet is a gap."""
+    Q = rotation()
+    contact = {"surface": "bottom_pad", "counterface": "top_belt", "normal_stiffness": 1e12, "kind": "tied"}
+
+    def made(gap, **more):
+        pad = box(kind, (2, 3, 1), (0.05, 0.03, 0.02), (0, 0, 0.1 + gap), name="pad")
+        belt = box(kind, (3, 2, 1), (0.05, 0.03, 0.01), (0, 0, 0.09), name="belt")
+        mesh = mapped(join(pad, belt), lambda x: Q @ x + away)
+        problem = make_problem(mesh, int(kind[-1]), contacts=[{**contact, "gap_tolerance": 0.0, **more}])
+        return problem.discretisation.contacts["contact_1"]
+
+    assert made(0.0).coverage == pytest.approx(1.0, rel=1e-9)
+    assert made(1e-8, gap_tolerance=2e-8).coverage == pytest.approx(1.0, rel=1e-9)
+    with pytest.raises(SceneError, match=r"the gap along the normal is 1e-08 m; expected at most gap_tolerance = 0 m"):
+        made(1e-8)
+
+
+def test_without_a_tolerance_curved_faces_of_equal_meshes_touch():
+    contact = {**CONTACT, "gap_tolerance": 0.0}
+    problem = make_problem(rings("hex2", (12, 12)), 2, contacts=[contact], supports=HELD)
+    assert problem.discretisation.contacts["c"].coverage == pytest.approx(1.0, rel=1e-9)
 
 
 def test_the_change_by_refinement_is_not_that_of_a_lost_contact():
