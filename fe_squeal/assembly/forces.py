@@ -36,6 +36,7 @@ from .discretisation import Discretisation, discretisation_of
 
 # Of the sum of all nodal loads on a part: loads whose resultant is less press its sides apart, and the part nowhere.
 _CANCELS = 0.01
+_ROUNDING = 1e-9  # of the same sum: nodal forces of a moment on a part by itself cancel but for rounding
 _ELSEWHERE = 0.05  # part of the load on a part with a contact: if springs and supports take more, there is a warning
 
 
@@ -150,14 +151,29 @@ class _Balance:
                     p.on_pressed += (spring.name,)
 
     def add_reference(self, table: Rigid, tie: Tie) -> None:
-        """Add the forces of springs at a tie's reference, and the directions in which it is held."""
-        part = self.parts[int(self.part[tie.nodes[0]])]
-        part.held = part.held | table.held[:3]
+        """Add the forces of springs at a tie's reference, and the directions in which it is held.
+
+        Force and moment F (6,) on the reference act on the nodes as LᵀF, (U, θ) = L u, so that a part gets a share of
+        either where the tie spans several.
+        """
+        for held in np.eye(6)[table.held]:
+            for p, force in zip(self.parts, self._through(tie, held), strict=True):
+                p.held = p.held | (force != 0)
         motion = self.space.reference(tie) @ self.state.u
         for i, spring in enumerate(table.springs):
-            if spring.direction is not None and spring.stiffness:
-                d = np.array(spring.direction) / np.linalg.norm(spring.direction)
-                part.springs[f"{table.name}.{i}"] = -spring.stiffness * (motion[:3] @ d) * d
+            way = np.concatenate([spring.direction or np.zeros(3), spring.axis or np.zeros(3)])
+            d = way / np.linalg.norm(way)
+            forces = self._through(tie, -spring.stiffness * (motion @ d) * d)
+            for p, force in zip(self.parts, forces, strict=True):
+                if force.any():
+                    p.springs[f"{table.name}.{i}"] = force
+
+    def _through(self, tie: Tie, load: np.ndarray) -> np.ndarray:
+        """Return the force (parts, 3) N by which a force and moment (6,) on a tie's reference act on each part."""
+        nodal = np.zeros((self.space.nodes, 3))
+        nodal[tie.nodes] = (tie.motion.T @ load).reshape(-1, 3)
+        force = self._by_part(nodal)
+        return np.where(np.abs(force) > _ROUNDING * self._by_part(np.abs(nodal)).max(axis=1, keepdims=True), force, 0.0)
 
     def add_contact(self, name: str, contact: Contact, path: str) -> None:
         """Add the forces of a contact on both its sides."""

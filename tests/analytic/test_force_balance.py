@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -148,6 +150,46 @@ def test_a_spring_between_two_parts_pulls_both():
     assert b.springs["between"][2] == pytest.approx(load, rel=1e-4)
     assert a.springs["between"][2] == pytest.approx(-b.springs["between"][2], rel=1e-12)
     assert a.supports[2] == pytest.approx(load, rel=1e-4) and b.residual < 1e-8
+
+
+def pair(apart, **tables):
+    """Two blocks whose tops share an averaged reference; pressures on their fronts differ, and springs guide each."""
+    size = (0.04, 0.06, HEIGHT)
+    mesh = join(*(box("hex1", (2, 2, 2), size, (x, 0.0, 0.0), name) for x, name in ((0.0, "a"), (apart, "b"))))
+    tops = np.concatenate([mesh.boundaries["top_a"], mesh.boundaries["top_b"]])
+    guides = [{"name": f"{name}{i}", "surface": f"left_{name}", "direction": d, "stiffness": 1e6}
+              for name in "ab" for i, d in enumerate(np.eye(3).tolist())]  # fmt: skip
+    problem = make_problem(
+        replace(mesh, _boundaries={**mesh.boundaries, "tops": tops}), order=1, materials=STIFF, springs=guides,
+        averaged=[{"name": "ref", "surface": "tops", **tables}],
+        effects={"preload": {"pressures": {"front_a": P, "front_b": 3 * P}}},
+    )  # fmt: skip
+    return {p.bodies[0]: p for p in force_balance(problem)}, problem
+
+
+def test_springs_at_a_reference_of_two_parts_act_on_both():
+    """Virtual work: the force F goes to equal tops in halves. Of a moment M about z, the part at a distance ∓D/2 from
+    the reference takes ∓M (D/2) A/J along y, J = 2A (D²/4 + (l_x² + l_y²)/12) that of both tops about z."""
+    k, turning, D = 1e7, 1e4, 0.1
+    springs = [{"direction": [0, 2, 0], "stiffness": k}, {"axis": [0, 0, 3], "stiffness": turning}]
+    parts, problem = pair(D, springs=springs)
+    space = problem.discretisation.space
+    motion = space.reference(space.ties[0]) @ problem.discretisation.static_state.u
+    share = D / 2 / (2 * (D**2 / 4 + (0.04**2 + 0.06**2) / 12))
+    for name, side in (("a", -1), ("b", 1)):
+        assert parts[name].residual < 1e-9 and not parts[name].held.any()
+        np.testing.assert_allclose(parts[name].springs["ref.0"][1], -k * motion[1] / 2, rtol=1e-9)
+        np.testing.assert_allclose(parts[name].springs["ref.1"][1], -turning * motion[5] * side * share, rtol=1e-9)
+    assert abs(parts["b"].springs["ref.1"][1]) > 0.01 * P * 0.04 * HEIGHT
+
+
+def test_a_held_rotation_of_two_parts_presses_them_in_opposite_ways():
+    """About z, along which the parts lie side by side: along y alone, by forces whose sum is zero."""
+    parts, _ = pair(0.1, fixed="rz")
+    one, other = parts["a"], parts["b"]
+    assert one.held.tolist() == other.held.tolist() == [False, True, False]
+    assert one.supports[1] == pytest.approx(-other.supports[1], rel=1e-9) and abs(one.supports[1]) > 1.0
+    assert max(one.residual, other.residual) < 1e-9
 
 
 def test_the_centrifugal_force_of_a_ring_is_balanced():
