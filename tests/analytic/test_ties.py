@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -131,6 +133,27 @@ def test_load_on_a_reference_is_spread_as_rbe3_does():
     f = (beside.motion.T @ [*F, 0, 0, 0]).reshape(4, 3)
     np.testing.assert_allclose(f.sum(axis=0), F, atol=1e-13)
     np.testing.assert_allclose(np.cross(x, f).sum(axis=0), np.cross(point, F), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "held", "free"),
+    [("xyz rx ry rz", "", 12), ("x", "", 17), ("xyz rz", "", 14), ("xyz rx ry rz", "bottom_b", 6),
+     ("", "bottom_b", 12)],
+)  # fmt: skip
+def test_parts_whose_mean_motion_is_held_move_against_each_other(fixed, held, free):
+    """Of six motions of each of three parts the held freedoms of their mean take one each: K is zero on all others."""
+    blocks = join(*(box("hex1", (1, 1, 1), SIZE, (0.12 * i, 0.01 * i, 0.0), name) for i, name in enumerate("abc")))
+    tops = np.concatenate([blocks.boundaries[f"top_{name}"] for name in "abc"])
+    mesh = replace(blocks, _boundaries={**blocks.boundaries, "tops": tops})
+    supports = [{"surface": held, "fixed": "xyz"}] if held else []
+    problem = make_problem(mesh, order=1, supports=supports,
+                           averaged=[{"name": "ref", "surface": "tops", "fixed": fixed}])  # fmt: skip
+    K, M = dense(problem)
+    theta = la.eigh(K, M, eigvals_only=True)
+    assert (np.abs(theta) < 1e-9 * theta[-1]).sum() == free
+    Z = problem.free_motions().motions
+    assert Z.shape[1] == np.linalg.matrix_rank(Z) == free
+    assert np.abs(K @ Z).max() < 1e-12 * np.abs(K).max() * np.abs(Z).max()
 
 
 def test_thousands_of_averaged_nodes_stay_sparse():
