@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -72,7 +74,27 @@ def find_kernel(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> n
     A block of vectors in which the kernel lies roughly shows which unknowns to hold so that K is regular. With these
     moved one by one, the others follow statically; combinations of them that need no force are the kernel, to the last
     digit, however soft other motions are. Nothing is found where K cannot be factorised even with a shift beside zero.
+    Unknowns that have no entry in K are motions of the kernel by themselves. They are left out of the search, in which
+    their forces, all zero, would be measured by rounding of others.
     """
+    n, size = pencil.n, abs(pencil.K)
+    alone = (size.sum(axis=0) == 0) & (size.sum(axis=1) == 0)
+    if not alone.any():
+        return _coupled_kernel(pencil, linear_solver)
+    rest = np.flatnonzero(~alone)
+    M, C, K = (None if A is None else sp.csr_array(A[rest][:, rest]) for A in (pencil.M, pencil.C, pencil.K))
+    assert M is not None and K is not None
+    coupled = np.zeros((0, 0))
+    if len(rest):
+        coupled = _coupled_kernel(replace(pencil, M=M, C=C, K=K, cancelled=None, free=None), linear_solver)
+    Z = np.zeros((n, n - len(rest) + coupled.shape[1]))
+    Z[np.flatnonzero(alone), np.arange(n - len(rest))] = 1.0
+    Z[rest, n - len(rest) :] = coupled
+    return Z
+
+
+def _coupled_kernel(pencil: Pencil, linear_solver: LinearSolver | str) -> np.ndarray:
+    """Return the kernel as `find_kernel`, of a K in which every unknown has an entry."""
     d, n, block = pencil.units[0], pencil.n, _BLOCK
     scaled = _scaled_parts(pencil)
     while True:

@@ -159,6 +159,25 @@ def test_an_unknown_without_any_stiffness(C):
     np.testing.assert_allclose(modes.lam[modes.lam.imag > 0], exact, rtol=1e-13)
 
 
+@pytest.mark.parametrize("alpha", [None, 0.01])
+def test_several_unknowns_without_any_stiffness(alpha):
+    """Their rows of K are empty, while the inertia couples them to others.
+
+    θ = 0 thrice, then 1, 2, ...: forces in empty rows are zero, and rounding of others must not count as theirs.
+    """
+    n = DENSE_LIMIT + 50
+    D = sp.diags_array(np.r_[np.zeros(3), np.arange(1.0, n - 2)])
+    L = sp.csr_array(sp.eye_array(n) + sp.diags_array(0.2 * np.ones(n - 1), offsets=1))
+    L = L[:, np.random.default_rng(0).permutation(n)]
+    M, K = sp.csr_array(L.T @ L), sp.csr_array(L.T @ D @ L)
+    pencil = Pencil(M, K, None if alpha is None else sp.csr_array(alpha * M), symmetric=True)
+    assert kernel.find_kernel(pencil).shape[1] == 3
+    modes = solve_modes(pencil, Request(count=6))
+    assert (modes.lam == 0).sum() == 3 and modes.backward_error.max() <= 1e-12
+    exact = np.sqrt(np.arange(1.0, 4.0) - (alpha or 0.0) ** 2 / 4)
+    np.testing.assert_allclose(modes.lam.imag[modes.lam.imag > 0][:3], exact, rtol=1e-10)
+
+
 @pytest.mark.parametrize("size", [20, 300])
 @pytest.mark.parametrize("seed", range(2))
 def test_two_free_motions_that_gyroscopic_forces_might_couple(size, seed):
