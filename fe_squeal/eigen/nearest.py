@@ -13,18 +13,14 @@ from .shift_invert import ShiftInverted
 
 
 def symmetric_modes(
-    pencil: Pencil, operator: ShiftInverted, count: int, below: int = 0, free: FreeModes | None = None
+    pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
 ) -> tuple[Modes, float]:
     """Return the `count` modes of K φ = θ M φ nearest the shift, K symmetric, and the distance within which all are.
 
     The eigenpairs of motions that nothing holds are added to these, here and in the functions below; the operator is
     expected to have them projected out. They may lie far from the shift, beyond eigenvalues that were not found, so
-    they do not count for the distance.
-
-    Parameters
-    ----------
-    below : int
-        Number of θ below the shift: all these are returned, however far below they lie.
+    they do not count for the distance. Copies of multiple eigenvalues may be missing, and divergences (θ < 0) that lie
+    far below the shift; see `counted_modes`.
 
     Returns
     -------
@@ -32,14 +28,9 @@ def symmetric_modes(
     reach : float
         That distance from the shift: of θ, rad²/s²; with C of λ, rad/s. Infinite if these are all modes.
     """
-    theta, x, sigma = *operator.largest_symmetric(count, "LM"), operator.sigma
-    reach = np.inf if len(theta) < count or count == operator.size else _farthest(theta[theta > sigma], sigma)
-    if below:
-        # 1/(θ − σ) is negative for these alone: they form one end of the operator's spectrum, where Lanczos finds them
-        # however far below the shift they lie.
-        far, x_far = operator.largest_symmetric(below, "SA")
-        far, x_far = operator.refined(far[far < sigma], x_far[:, far < sigma])
-        theta, x = np.append(far, theta[theta > sigma]), np.hstack([x_far, x[:, theta > sigma]])
+    theta, x = operator.largest_symmetric(count, "LM")
+    every = count == operator.size or (len(theta) < count and operator.takes_all(count))
+    reach = np.inf if every else _farthest(theta[theta > operator.sigma], operator.sigma)
     if free is not None:
         theta, x, _ = free.beside(theta, x, x)
     return modes_from_theta(pencil, theta, x, x, method_of(operator)), reach

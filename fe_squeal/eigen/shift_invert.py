@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,6 @@ _SMALL, _SHARE, _MOST_OF = 100, 4, 1.5
 # time for 50 modes of 3 078 unknowns.
 _BLOCK, _RESTARTS, _IN_BLOCKS = 8, 100, 5000
 _APART = 1e-6  # of a shift: an eigenvalue that is nearer is the shift itself
-_ASIDE = 1e-5  # relative distance from an eigenvalue at which inverse iteration gains five digits a step
 _ALIKE = 1e3  # ratio of units of the unknowns up to which scaling is not worth a copy of the matrices
 
 Pairs = tuple[np.ndarray, np.ndarray]  # eigenvalues (k,), vectors (n, k)
@@ -126,7 +126,7 @@ class ShiftInverted:
             The shift is an eigenvalue.
         """
         apply, finish, dtype = self._operator(adjoint)
-        if self._takes_all(count):
+        if self.takes_all(count):
             nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
             order = np.argsort(-np.abs(nu), kind="stable")[:count]
             return finish(nu[order], z[:, order])
@@ -207,7 +207,7 @@ class ShiftInverted:
         n, sigma, rows = self.pencil.n, self._shift, self._active
         M = sp.csr_array(_columns(self.pencil.M, rows)[rows]) if self.size < n else self.pencil.M
         respond = self._without_free
-        if self._takes_all(count):
+        if self.takes_all(count):
             root = _root(M.toarray())
             x = respond(self._factor.solve(self._pad(root)))
             nu, y = la.eigh(root.T @ x[rows])
@@ -231,18 +231,15 @@ class ShiftInverted:
         theta, x = theta[index[0]], x[:, index[0]]
         return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))
 
-    def refined(self, theta: np.ndarray, x: np.ndarray) -> Pairs:
-        """Return eigenpairs (k,), (n, k) of a symmetric pencil far from the shift, improved by inverse iteration."""
-        M, K = self.pencil.M, self.pencil.K
-        theta, x = theta / self._unit, x.copy() if self._d is None else x / self._d[:, None]
-        for i in range(len(theta)):
-            # Not at the eigenvalue itself, where perturbed pivots would blur the vector.
-            factor, y = self._factorized(theta[i] * (1 + _ASIDE)), x[:, i]
-            for _ in range(3):
-                y = factor.solve(M @ y)
-                y /= np.linalg.norm(y)
-            theta[i], x[:, i] = y @ (K @ y) / (y @ (M @ y)), y
-        return self._unit * theta, self._in_units(x)
+    def without(self, x: np.ndarray) -> ShiftInverted:
+        """Return the operator of an undamped symmetric pencil with eigenvectors x (n, k) alone taken out.
+
+        It shares the factors.
+        """
+        Z, other = x if self._d is None else x / self._d[:, None], copy(self)
+        MZ = self.pencil.M @ Z
+        other._free_motions = Z, np.linalg.pinv(MZ.T @ Z) @ MZ.T
+        return other
 
     def _factorized(self, sigma: complex) -> Factor:
         M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
@@ -304,7 +301,8 @@ class ShiftInverted:
         """Whether vectors are multiplied several at once by `largest`, and not one after the other by ARPACK."""
         return self.pencil.n >= _IN_BLOCKS
 
-    def _takes_all(self, count: int) -> bool:
+    def takes_all(self, count: int) -> bool:
+        """Return whether LAPACK finds all eigenvalues where so many are asked for."""
         share = _SHARE if self.size <= 2 * DENSE_LIMIT else _MOST_OF
         return self.size <= _SMALL or share * count >= self.size
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import NotConvergedError
 from .band import band_modes, with_far_growth
+from .counted import counted_modes, parting_frequency
 from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
@@ -129,11 +130,12 @@ def _solve_sparse(
     pencil: Pencil, request: Request, band: float | None, linear_solver: LinearSolver | str, expected: int | None
 ) -> Modes:  # fmt: skip
     """Return the wanted modes from those nearest a shift: more of them are sought until the wanted ones are covered."""
-    count = request.count or 0
+    count, counted = request.count or 0, None
     if request.max_frequency_hz is not None:
         band = 2 * np.pi * request.max_frequency_hz
         # Friction and damping change the number of modes in a band by a few at most: start from the symmetric part's.
-        below = expected or count_below(symmetric_part(pencil), band, linear_solver)
+        counted = None if expected else count_below(symmetric_part(pencil), band, linear_solver)
+        below = expected or counted
         count = below if below is not None else 20
     free = split_off(pencil, linear_solver)
     if pencil.C is not None and not pencil.is_complex:
@@ -160,7 +162,7 @@ def _solve_sparse(
             if pencil.C is not None:
                 modes, reach = quadratic_modes(pencil, operator, sought, free)
             elif pencil.problem_class == "symmetric":
-                modes, reach = symmetric_modes(pencil, operator, sought, divergent, free)
+                modes, reach = symmetric_modes(pencil, operator, sought, free)
             else:
                 modes, reach = nonsymmetric_modes(pencil, operator, sought, free)
         except SingularError:
@@ -175,15 +177,23 @@ def _solve_sparse(
             continue
         radius = known_radius(pencil, modes, sigma, reach)
         wanted = select_wanted(modes, request, radius)
-        if wanted is not None:
-            if np.isinf(reach) or pencil.problem_class == "symmetric":  # of which all divergent modes are known
-                return wanted
+        if wanted is not None and np.isinf(reach):
+            return wanted
+        if wanted is not None and pencil.problem_class != "symmetric":
             limit = float(wanted.lam.imag.max(initial=0.0)) or _lowest(modes, abs(sigma) ** 0.5)
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
             del operator  # and its factors, before there are others
             whole = with_far_growth(pencil, modes, limit, free, linear_solver)
             wanted = select_wanted(whole, request, np.inf)
+            assert wanted is not None
+            return wanted
+        at = None if wanted is None else parting_frequency(modes, wanted, request)
+        if at is not None:
+            del operator
+            below = counted if request.max_frequency_hz is not None and at == band else None
+            whole = counted_modes(pencil, modes, at, sigma, divergent, linear_solver, below)
+            wanted = select_wanted(whole, request, radius)
             assert wanted is not None
             return wanted
         if sought == operator.most:

@@ -112,6 +112,22 @@ def test_a_missing_copy_of_the_highest_mode_is_counted(needs_pardiso):
         assert (result.found, result.expected, result.proven) == (found, 20, False)
 
 
+@pytest.mark.parametrize("mixed", [False, True])
+def test_no_copy_of_a_multiple_eigenvalue_is_missing(solver, mixed):
+    """θ = 1, 2, ..., each so many times: a Krylov space of one start vector has one copy, but for rounding."""
+    n, copies, count = N, 40, 30
+    theta = np.repeat(np.arange(1.0, n // copies + 2), copies)[:n]
+    L = sp.csr_array(sp.eye_array(n) + (0.2 * sp.eye_array(n, k=1) if mixed else 0 * sp.eye_array(n)))
+    pencil = Pencil(sp.csr_array(L.T @ L), sp.csr_array(L.T @ sp.diags_array(theta) @ L), symmetric=True)
+    below = np.sqrt(theta[count] + 0.3)
+    for request in (Request(count=count), Request(max_frequency_hz=below / (2 * np.pi))):
+        modes = solve_modes(pencil, request)
+        expected = theta[:count] if request.count else theta[theta < below**2]
+        np.testing.assert_allclose(modes.lam.imag**2, expected, rtol=1e-10)
+        gram = modes.right.T @ (pencil.M @ modes.right)
+        assert np.abs(gram - np.eye(len(modes))).max() < 1e-9
+
+
 def test_rigid_modes_are_zero_and_marginal():
     """A free chain has one rigid mode; the next are those of a free rod, ω_j = 2√(k/m) sin(jπ/2n)."""
     n = N
