@@ -94,9 +94,12 @@ def find_bodies(scene: Scene, loaded: LoadedMesh) -> dict[str, np.ndarray]:
     if free.any():
         groups = [g for g, e in (loaded.mesh.subdomains or {}).items() if free[e].any()]
         hint = f' (volume group "{groups[0]}")' if groups else ""
+        table, more = (groups[0], "") if groups else ("NAME", "")
+        if "," in table:
+            table, more = "NAME", f'groups = ["{table}"] and '
         raise SceneError(
             f"bodies: {free.sum()} elements of {loaded.source}{hint} belong to no body and so have no material; add"
-            f" [bodies.{groups[0] if groups else 'NAME'}] with material = ..."
+            f" [bodies.{table}] with {more}material = ..."
         )
     return bodies
 

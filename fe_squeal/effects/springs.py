@@ -9,7 +9,7 @@ from pydantic import model_validator
 from ..fem.spaces import DisplacementSpace, Patch
 from ..problem.terms import Slot, Term
 from ..schema.place import Placed
-from ..schema.section import Direction, NonNegative
+from ..schema.section import Direction, Name, NonNegative
 
 
 class Spring(Placed):
@@ -33,7 +33,7 @@ class Spring(Placed):
         A second surface group, or with `nodes` a second node set.
     """
 
-    name: str
+    name: Name
     direction: Direction
     stiffness: NonNegative = 0.0
     damping: NonNegative = 0.0

@@ -14,7 +14,7 @@ from ..fem.spaces import DisplacementSpace
 from ..fem.ties import FREEDOMS, Tie
 from ..problem.terms import Slot, Term
 from ..schema.place import Placed
-from ..schema.section import Direction, NonNegative, Section, Text, Vector
+from ..schema.section import Direction, Name, NonNegative, Section, Vector
 
 _WORDS = re.compile(r"(?:r?[xyz]|[\s,])*")
 
@@ -69,7 +69,7 @@ class Rigid(Placed):
         Springs from the reference to the ground.
     """
 
-    name: Text
+    name: Name
     reference: Vector | None = None
     mass: NonNegative = 0.0
     inertia: Annotated[list[float], Field(min_length=6, max_length=6)] | None = None

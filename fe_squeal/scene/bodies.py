@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from ..fem.materials import material_axes
 from ..schema.place import Placed
-from ..schema.section import Section, Vector
+from ..schema.section import Section, Text, Vector
+
+
+def _is_no_group_with_commas(value: str) -> str:
+    if "," in value:
+        raise ValueError(f'expected a name without a comma, and in its table groups = ["{value}"] for the volume group')
+    return value
+
+
+BodyName = Annotated[Text, AfterValidator(_is_no_group_with_commas)]
 
 
 class BodyTable(Section):
@@ -19,7 +28,8 @@ class BodyTable(Section):
     material : str
         Name of a material above.
     groups : list of str
-        Volume groups of the mesh that make up the body, where NAME is not the group itself.
+        Volume groups of the mesh that make up the body, where NAME is not the group itself; a group with a comma in its
+        name is one of these.
     axes : two vectors
         Axes 1 and 2 of an orthotropic material in global coordinates, [[x, y, z], [x, y, z]]; axis 3 is across both,
         and the second vector need only lie in the plane of axes 1 and 2 (default: x and y). The same throughout

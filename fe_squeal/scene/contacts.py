@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from ..fem.motion import SteadyMotion
-from ..schema.section import Direction, NonNegative, Positive, Section, Speed, Vector
+from ..schema.section import Direction, NonNegative, OptionalName, Positive, Section, Speed, Vector
 
 
 class SlidingSection(Section):
@@ -84,7 +84,7 @@ class Contact(Section):
         contact of such a face needs it for that. A tied contact holds in all directions whatever the motion.
     """
 
-    name: str = ""
+    name: OptionalName = ""
     surface: str
     counterface: str
     normal_stiffness: Positive

@@ -26,8 +26,9 @@ _HEAD = """\
 Made by `python -m fe_squeal.scene.reference` from the program itself; do not edit it.
 
 TOML; SI units (m, kg, s, N, Pa, rad/s). A key that is not listed here is an error. An effect whose table is absent is not
-simulated. `NAME` is a name of your own. A mesh file is looked for relative to the scene file, so a copy of an example in
-another folder needs its `mesh.file` changed, or its mesh copied along.
+simulated. `NAME` is a name of your own, without commas, which stand between the paths of several numbers. A mesh file is
+looked for relative to the scene file, so a copy of an example in another folder needs its `mesh.file` changed, or its mesh
+copied along.
 
 **Units of length.** `mesh.length_unit` holds for the coordinates in the mesh file and for the lengths marked *length unit*
 in `[mesh.disc_pad]` and `[mesh.block]`. Everything else, `gap_tolerance` and `centre` too, is in metres always.

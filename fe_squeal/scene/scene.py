@@ -16,8 +16,9 @@ from ..effects.ties import Averaged, Rigid
 from ..errors import SceneError
 from ..fem.materials import Elasticity, Material, elasticity, material_axes
 from ..problem.parameters import MU, paths_of
+from ..schema.section import Name
 from .base import BaseScene
-from .bodies import BodyTable, Support
+from .bodies import BodyName, BodyTable, Support
 from .contacts import Contact
 from .control import Output, Solve, SweepSection
 from .effects import effects_table, with_own_tables
@@ -82,8 +83,8 @@ class Scene(BaseScene):
     unsettled: list[str] = []
     units: Literal["SI", "any"] = "SI"
     mesh: MeshSection
-    materials: Annotated[dict[str, Material], Field(min_length=1)]
-    bodies: Annotated[dict[str, Body], Field(min_length=1)]
+    materials: Annotated[dict[Name, Material], Field(min_length=1)]
+    bodies: Annotated[dict[BodyName, Body], Field(min_length=1)]
     supports: list[Support] = []
     springs: list[Spring] = []
     rigid: list[Rigid] = []
@@ -158,8 +159,6 @@ class Scene(BaseScene):
                         f'{key}[{i}].name: given "{name}", as {key}[{names.index(name)}] is; expected different names'
                     )
         for i, spring in enumerate(self.springs):
-            if not spring.name:
-                raise ValueError(f'springs[{i}].name: given ""; expected a name')
             if spring.to == spring.group:
                 own = "surface" if spring.kind == "surface" else "node set"
                 raise ValueError(f'springs[{i}].to: given "{spring.to}", its own {own}; expected another one')
@@ -246,7 +245,7 @@ def _scene_with(known: tuple[type[Effect], ...]) -> type[Scene]:
     if known == EFFECTS:
         return Scene
     effects, body = effects_table(known, __name__), with_own_tables(BodyTable, known, __name__)
-    bodies: Any = Annotated[dict[str, body], Field(min_length=1)]  # type: ignore[valid-type]
+    bodies: Any = Annotated[dict[BodyName, body], Field(min_length=1)]  # type: ignore[valid-type]
     fields: Any = {"effects": (effects, effects()), "bodies": (bodies, ...)}
     return create_model("Scene", __base__=Scene, __module__=__name__, **fields)
 

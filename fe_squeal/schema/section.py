@@ -29,6 +29,21 @@ def _moves(value: float) -> float:
     return value
 
 
+def _without_commas(value: str) -> str:
+    if "," in value:
+        raise ValueError("expected a name without a comma, which stands between the paths of several numbers")
+    return value
+
+
+def _not_empty(value: str) -> str:
+    if not value:
+        raise ValueError("expected a name")
+    return value
+
+
+# Names of tables, which are part of the paths of the numbers in them; one that may be left out is empty then.
+OptionalName = Annotated[str, AfterValidator(_without_commas)]
+Name = Annotated[OptionalName, AfterValidator(_not_empty)]
 Direction = Annotated[Vector, AfterValidator(_nonzero)]
 Speed = Annotated[float, AfterValidator(_moves)]
 

@@ -14,11 +14,12 @@ import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal import Problem, SceneError
+from fe_squeal.decks.template import draft_template
 from fe_squeal.problem.parameters import values_by_path
 from fe_squeal.problem.sensitivity import sensitivities
 from fe_squeal.problem.terms import Term
 from fe_squeal.scene.numbers import plain
-from meshes import BELT, box, make_problem, modes_of
+from meshes import BELT, box, join, make_problem, modes_of
 
 PISTON = "springs.piston.stiffness"
 
@@ -171,6 +172,21 @@ def test_terms_by_hand_have_powers_of_names_as_they_are_known() -> None:
     problem = Problem((Term("m", "M", one, True), Term("k", "K", one, True, {LONG: 1})), {LONG: 2.0})
     with pytest.raises(SceneError, match=f'^term k: given a power of "{LONG}", which means "mu"; expected that$'):
         fe_squeal.sweep(problem, [1.0], parameter=LONG)
+
+
+def test_a_volume_group_with_a_comma_is_a_body_by_another_name() -> None:
+    """So that its numbers have paths; `fe-squeal new` writes such a name."""
+    group = "block, left"
+    mesh = join(box("hex1", (1, 1, 1), name=group), box("hex1", (1, 1, 1), corner=(2.0, 0.0, 0.0), name="other"))
+    bodies = {"block": {"material": "steel", "groups": [group], "rayleigh": {"beta": 1e-8}},
+              "other": {"material": "steel"}}  # fmt: skip
+    problem, path = make_problem(mesh, order=1, bodies=bodies), "bodies.block.rayleigh.beta"
+    assert problem.at({path: 3e-8}).value(path) == 3e-8
+    with pytest.raises(SceneError, match=r'add \[bodies\.NAME\] with groups = \["block, left"\] and material = '):
+        make_problem(mesh, order=1, bodies={"other": {"material": "steel"}})
+    assert '[bodies.block_left]\nmaterial = "of_block_left"\ngroups = ["block, left"]\n' in draft_template(
+        fe_squeal.from_skfem(mesh), "a.msh"
+    ).text()
 
 
 @pytest.mark.parametrize("table", ["scene", "effect", "material"])

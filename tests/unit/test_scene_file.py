@@ -153,6 +153,7 @@ SWEEPS = [
      'effects.friction: no contact slides; expected a [[contacts]] entry of kind "sliding"'),
 ]  # fmt: skip
 EITHER = "expected either axis (and centre) for a rotation or direction for a straight belt"
+NO_COMMA = "expected a name without a comma, which stands between the paths of several numbers"
 CONTACT_FAULTS = [
     ("direction = [1, 0, 0], speed", "direction = [1, 0, 0], axis = [0, 0, 1], speed",
      f"contacts[0].sliding: given both axis and direction; {EITHER}"),
@@ -173,6 +174,15 @@ CONTACT_FAULTS = [
      'springs[1].name: given "inclined_1", as springs[0] is; expected different names'),
     ('name = "inclined_1"\n', "", "springs[0].name: is missing; expected a text in quotes"),
     ('name = "inclined_1"', 'name = ""', 'springs[0].name: given ""; expected a name'),
+    ('name = "inclined_1"', 'name = "a, b"', f'springs[0].name: given "a, b"; {NO_COMMA}'),
+    ('name = "belt"', 'name = "a,b"', f'contacts[0].name: given "a,b"; {NO_COMMA}'),
+    ("[[contacts]]", '[[averaged]]\nname = "a,"\nsurface = "top"\n[[contacts]]',
+     f'averaged[0].name: given "a,"; {NO_COMMA}'),
+    ("[[contacts]]", '[[rigid]]\nname = ""\nsurface = "top"\n[[contacts]]', 'rigid[0].name: given ""; expected a name'),
+    ("[materials.steel]", '[materials."steel, grey"]', f'materials."steel, grey": given "steel, grey"; {NO_COMMA}'),
+    ("[materials.steel]", '[materials.""]', 'materials."": given ""; expected a name'),
+    ("[bodies.block]", '[bodies."block, left"]', 'bodies."block, left": given "block, left"; expected a name without a'
+     ' comma, and in its table groups = ["block, left"] for the volume group'),
     (FIRST_DIRECTION, FIRST_DIRECTION + '\nto = "front"',
      'springs[0].to: given "front", its own surface; expected another one'),
     ('material = "steel"\n', "", "bodies.block.material: is missing; expected a text in quotes"),
