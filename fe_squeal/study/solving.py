@@ -129,16 +129,35 @@ class Solving:
     def places(self, stage: str, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows and the unstable modes of places (m, d), see `solve_places`.
 
+        Places that are equal, as of numbers with few values, are solved once; progress is that of different ones.
+
         Raises
         ------
         NotConvergedError
             A direct solve failed, or the scheduler is gone; finished chunks are kept.
         """
         kept = None if self._parts is None else self._parts(stage.replace(" ", "_"))
-        return solve_places(
-            self.solver, places, self._processes, kept, lambda *numbers: self._progress(stage, *numbers)
+        _, first, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)  # of the different places, as they come: by places that all differ nothing is moved
+        which = np.argsort(order)[which.reshape(-1)]
+        rows, modes = solve_places(
+            self.solver, places[first[order]], self._processes, kept, lambda *numbers: self._progress(stage, *numbers)
         )
+        return rows[which], _repeated(modes, which)
 
     def tell(self, stage: str, done: int, total: int) -> None:
         """Report the progress of a stage that does not solve places."""
         self._progress(stage, done, total, 0.0)
+
+
+def _repeated(modes: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Return the modes (k, 1 + columns) of places (m,), given those of different ones and which of these each place is.
+
+    The number of the place stands first, in ascending order in both.
+    """
+    count = np.bincount(modes[:, 0].astype(int), minlength=which.max(initial=-1) + 1)
+    begin, own = np.cumsum(count) - count, count[which]
+    within = np.arange(own.sum()) - np.repeat(np.cumsum(own) - own, own)
+    repeated = modes[np.repeat(begin[which], own) + within]
+    repeated[:, 0] = np.repeat(np.arange(len(which)), own)
+    return repeated

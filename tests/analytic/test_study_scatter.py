@@ -264,3 +264,30 @@ def test_the_whole_range_has_all_unstable_modes(bands, ends):
     last = found.bands.iloc[-1]
     assert last["low_hz"] == ends[0] and last["high_hz"] == pytest.approx(ends[1], rel=0.06)
     assert last["probability"] == found.probability > 0.2
+
+
+def test_equal_places_are_solved_once():
+    """Two numbers of two values each: four places, with the verdicts and modes of each sample, indices among them."""
+    tables, asked = {"mu": {"values": [0.02, 0.05]}, "delta": {"values": [0.08, 0.03]}}, {}
+    found = scatter(two_modes(), tables, 64, progress=lambda stage, done, total, rate: asked.update({stage: total}))
+    assert {total for total in asked.values() if total} == {4} and len(asked) >= 3
+    mu, delta = found.points.T
+    assert len(found.points) == 64 and (found.samples["unstable"] == (delta < 2 * mu)).all()
+    assert found.modes[:, 0].tolist() == np.flatnonzero(delta < 2 * mu).tolist()
+    grows = np.sqrt(STIFFNESS * (1 + delta / 2 + 1j * np.sqrt(np.maximum(mu**2 - delta**2 / 4, 0.0)))).imag
+    assert found.modes[:, 2] == pytest.approx(grows[delta < 2 * mu], rel=1e-6)
+    for i, modes in enumerate(found.again_modes):
+        assert modes[:, 0].tolist() == np.flatnonzero(found.again[i, :, 0]).tolist() and len(modes)
+
+
+@pytest.mark.parametrize("spread", [4, 10_000])
+def test_equal_places_have_the_results_that_they_would_have_alone(spread):
+    """In any order, also where none are equal and where a place has several unstable modes or none."""
+    places = np.random.default_rng(1).integers(0, spread, (50, 2)) / spread * np.array([0.1, 0.05])
+    solving = Solving(two_modes(), ("mu", "delta"), np.zeros(2), np.array([0.1, 0.05]), lambda i: places)
+    rows, modes = solving.places("samples", places)
+    alone = [solving.solver.outcome(place) for place in places]
+    assert (rows == np.array([o.row for o in alone])).all()
+    assert (modes[:, 1:] == np.concatenate([o.modes for o in alone])).all()
+    assert modes[:, 0].tolist() == np.repeat(np.arange(50), [len(o.modes) for o in alone]).tolist()
+    assert all(table.shape[0] == 0 for table in solving.places("none", places[:0]))
