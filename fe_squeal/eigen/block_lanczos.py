@@ -14,6 +14,7 @@ from .linear.factor import DefiniteFactor
 _SEED, _BLOCK, _MOST = 20251121, 24, 60
 _ROOM = 8  # vectors for each mode for which room is set aside at the start; pages not yet written take no memory
 _RANK = 1e-12  # eigenvalue of a Gram matrix, relative to the largest, below which a direction is linearly dependent
+_NOTHING = 1e-14  # of a product: what is left of it after orthogonalisation is rounding
 
 
 def lowest_modes(
@@ -44,7 +45,7 @@ def lowest_modes(
     stored: ColumnStore = store_for(n)(n, min(n, _ROOM * count + _BLOCK))
     H = np.zeros((0, 0))
     W = factor.solve(times(M, np.random.default_rng(_SEED).standard_normal((n, min(n, _BLOCK)))))
-    X, MX, _ = _unit(W, times(M, W))
+    X, MX, _ = _unit(W, times(M, W), 0.0)
     while True:
         m, k = len(H) + X.shape[1], X.shape[1]
         if m > stored.room:
@@ -57,9 +58,11 @@ def lowest_modes(
             inside = cross(V, times(M, W))
             W = W - combine(V, inside)
             H[:, m - k :] += inside
+        # Where the rank of M is exhausted, what is left has hardly any mass, and would be motions without any.
+        least = _NOTHING * float(np.linalg.norm(H[:, m - k :], axis=0).max())
         nu, s = la.eigh(np.triu(H) + np.triu(H, 1).T)
         nu, s = nu[::-1], s[:, ::-1]
-        X, MX, R = _unit(W, times(M, W))
+        X, MX, R = _unit(W, times(M, W), least)
         residual = np.linalg.norm(R @ s[m - k :], axis=0)
         if not X.shape[1] or m >= n or (m > count and (residual[:count] <= tolerance * np.abs(nu[:count])).all()):
             found = np.flatnonzero(nu[:count] > len(nu) * np.finfo(float).eps * nu[0])
@@ -75,10 +78,13 @@ def _doubled(store: ColumnStore, count: int, n: int) -> ColumnStore:
     return larger
 
 
-def _unit(W: np.ndarray, MW: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return X of unit mass, MX, and R with W = XR; directions that are linearly dependent are left out."""
+def _unit(W: np.ndarray, MW: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return X of unit mass, MX, and R with W = XR; directions that are linearly dependent are left out.
+
+    So are those of a size, the root of their mass, that is at most `least`.
+    """
     w, v = la.eigh(cross(W, MW))
-    keep = w > _RANK * max(w.max(initial=0.0), np.finfo(float).tiny)
+    keep = (w > _RANK * max(w.max(initial=0.0), np.finfo(float).tiny)) & (w > least**2)
     root = np.sqrt(w[keep])
     T = v[:, keep] / root
     return combine(W, T), combine(MW, T), np.asarray(root[:, None] * v[:, keep].T)

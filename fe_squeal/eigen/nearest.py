@@ -63,7 +63,7 @@ def quadratic_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
 ) -> tuple[Modes, float]:
     """Return the modes of (λ²M + λC + K) φ = 0 among the 2·count eigenvalues nearest the shift, and the distance."""
-    count = min(2 * count, operator.most)
+    count = min(2 * count, operator.size)
     lam, right = operator.largest(count)
     every = len(lam) < count or count == operator.size
     lam_left, left = operator.largest(count, adjoint=True)

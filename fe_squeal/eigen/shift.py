@@ -27,14 +27,18 @@ BELOW = 0.05  # how far below zero the shift lies, as a frequency, in parts of t
 def shift_below(pencil: Pencil, band: float | None) -> float:
     """Return a shift σ of θ = −λ² just below zero.
 
-    From there the nearest eigenvalues are all those of |θ| up to a limit: flutter, and divergence (θ < 0) too.
+    From there the nearest eigenvalues are all those of |θ| up to a limit: flutter, and divergence (θ < 0) too. A band
+    beyond all modes tells no more than where the highest of them is: from a shift far beyond these they all look alike.
 
     Parameters
     ----------
     band : float or None, rad/s
         About where the wanted modes end, if that is known.
     """
-    return -((BELOW * band) ** 2) if band is not None else -_RIGID_SHIFT * _largest_ratio(pencil)
+    highest = _largest_ratio(pencil)
+    if band is None:
+        return -_RIGID_SHIFT * (highest or 1.0)
+    return -((BELOW * min(band, float(np.sqrt(highest or np.inf)))) ** 2)
 
 
 def distance_to_nearest(pencil: Pencil, modes: Modes, sigma: float) -> float:
@@ -109,11 +113,14 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
 
 
-def _largest_ratio(pencil: Pencil) -> float:
-    """Return the largest ratio of diagonal stiffness to mass that does not come from a penalty, rad²/s²."""
+def _largest_ratio(pencil: Pencil) -> float | None:
+    """Return the largest ratio of diagonal stiffness to mass that does not come from a penalty, rad²/s².
+
+    None where no unknown has both.
+    """
     mass, stiffness = pencil.M.diagonal(), np.abs(pencil.K.real.diagonal())
     both = (mass > 0) & (stiffness > 0)
     if not both.any():
-        return 1.0
+        return None
     ratios = stiffness[both] / mass[both]
     return float(ratios[ratios <= _PENALTY * np.median(ratios)].max())

@@ -30,6 +30,7 @@ _TOLERANCE = 1e-13
 # All eigenvalues of the operator by LAPACK are safer than Krylov steps. They cost less up to _SMALL unknowns, or where
 # one in _SHARE of them is wanted anyway; of large ones, where most are.
 _SMALL, _SHARE, _MOST_OF = 100, 4, 1.5
+_FULL = 6  # full matrices of the operator's size that LAPACK and what goes into it take
 # Vectors that are multiplied at once: solves for several right-hand sides read the factors once for all of them. Of 4
 # to 16 this took the least time for 54 modes of strong friction on 7 257 and 24 789 unknowns. Restarts, at most. With
 # fewer unknowns than the last number ARPACK is quicker, whose projected matrices are smaller: blocks took 1.4 times its
@@ -72,8 +73,6 @@ class ShiftInverted:
     linear_solver : LinearSolver
     size : int
         Number of unknowns of the operator.
-    most : int
-        How many eigenvalues can be asked for.
     """
 
     def __init__(
@@ -93,7 +92,6 @@ class ShiftInverted:
         self._active, self._mass = np.flatnonzero(active), np.flatnonzero(mass)
         self._moving = np.flatnonzero(mass[active])  # those with mass among the active ones
         self.size = len(self._active) + (0 if pencil.C is None else len(self._mass))
-        self.most = self.size if self.size <= 2 * DENSE_LIMIT else self.size - 2
         if not len(self._mass):
             raise NotConvergedError("no unknown has a mass")
         self._free_motions: tuple[np.ndarray, np.ndarray] | None = None
@@ -127,6 +125,7 @@ class ShiftInverted:
         """
         apply, finish, dtype = self._operator(adjoint)
         if self.takes_all(count):
+            require_vectors(self.size, _FULL * self.size, np.dtype(dtype).itemsize)
             nu, z = la.eig(apply(np.eye(self.size, dtype=dtype)))
             order = np.argsort(-np.abs(nu), kind="stable")[:count]
             return finish(nu[order], z[:, order])
@@ -208,6 +207,7 @@ class ShiftInverted:
         M = sp.csr_array(_columns(self.pencil.M, rows)[rows]) if self.size < n else self.pencil.M
         respond = self._without_free
         if self.takes_all(count):
+            require_vectors(self.size, _FULL * self.size, 8)
             root = _root(M.toarray())
             x = respond(self._factor.solve(self._pad(root)))
             nu, y = la.eigh(root.T @ x[rows])

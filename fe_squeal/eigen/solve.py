@@ -157,7 +157,7 @@ def _solve_sparse(
     operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
         sigma = float(operator.sigma.real)
-        sought = min(sought, operator.most)
+        sought = min(sought, operator.size)
         try:
             if pencil.C is not None:
                 modes, reach = quadratic_modes(pencil, operator, sought, free)
@@ -196,7 +196,7 @@ def _solve_sparse(
             wanted = select_wanted(whole, request, radius)
             assert wanted is not None
             return wanted
-        if sought == operator.most:
+        if sought == operator.size:
             raise NotConvergedError(f"{len(modes)} modes found, the wanted range is still not covered", partial=modes)
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4

@@ -6,14 +6,15 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from pencils import N, chain, distance, reference
 
-from fe_squeal.eigen.dense import solve_dense
+from fe_squeal.eigen import memory
+from fe_squeal.eigen.dense import DENSE_LIMIT, solve_dense
 from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.choice import factorize, factorize_complex
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import prove_completeness, solve_modes
-from fe_squeal.errors import NotConvergedError
+from fe_squeal.errors import NotConvergedError, TooLargeError
 
 
 @pytest.fixture(params=["pardiso", "superlu"])
@@ -126,6 +127,30 @@ def test_no_copy_of_a_multiple_eigenvalue_is_missing(solver, mixed):
         np.testing.assert_allclose(modes.lam.imag**2, expected, rtol=1e-10)
         gram = modes.right.T @ (pencil.M @ modes.right)
         assert np.abs(gram - np.eye(len(modes))).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("friction", "request_"),
+    [
+        (0.0, Request(count=5000)),
+        pytest.param(0.0, Request(max_frequency_hz=1e3), marks=pytest.mark.slow),
+        pytest.param(0.9, Request(count=5000), marks=pytest.mark.slow),
+    ],
+)
+def test_more_modes_than_there_are(friction, request_):
+    """All are returned, of so many unknowns too that some of them would come from a Krylov space."""
+    pencil = chain(friction=friction, n=2 * DENSE_LIMIT + 10)
+    expected = la.eigvals(la.solve(pencil.M.toarray(), pencil.K.toarray()))
+    modes = solve_modes(pencil, request_)
+    assert len(modes) == pencil.n and distance(expected, -(modes.lam**2)) < 1e-10
+
+
+def test_modes_that_do_not_fit_into_memory_are_refused(monkeypatch):
+    """As many modes as unknowns take full matrices, whose size is told."""
+    pencil = chain(n=2 * DENSE_LIMIT + 10)
+    monkeypatch.setattr(memory, "available_memory", lambda: 2**24)
+    with pytest.raises(TooLargeError, match="MiB are free; ask for fewer modes"):
+        solve_modes(pencil, Request(count=pencil.n))
 
 
 def test_rigid_modes_are_zero_and_marginal():

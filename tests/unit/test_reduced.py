@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain, dense, stiffening_chain
 from selection import some
@@ -13,6 +14,7 @@ import fe_squeal.reduced.places as reduced_places
 from fe_squeal import assemble, parse_scene, sweep
 from fe_squeal.eigen import blocks
 from fe_squeal.eigen.block_lanczos import lowest_modes
+from fe_squeal.eigen.linear.choice import factorize_definite
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.errors import NotConvergedError, SceneError
@@ -327,6 +329,32 @@ def test_modes_that_miss_by_a_hair_are_corrected_further(monkeypatch):
     monkeypatch.setattr(reduced_places, "estimated", harsher)
     model = ReducedModel(chain(*CLASSES["quadratic"]), "mu", VALUES, Request(count=MODES))
     assert harsh["factor"] > 1.5 and model._estimated(float(VALUES[-1]))[1].max() <= 1
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+@pytest.mark.parametrize("sigma", [-1e-8, -0.03])
+def test_as_many_modes_as_the_mass_has_rank(lumped, sigma):
+    """Of a mass without full rank no motions without mass come along, however many modes are asked for.
+
+    Where unknowns have no mass, or three of them that of their mean alone.
+    """
+    n = 160
+    M, K = np.eye(n), 3 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    if lumped:
+        M[10:13, 10:13], M[40:43, 40:43] = 1 / 3, 1 / 3
+    else:
+        M[5::9, 5::9] = 0
+    inverse = la.eigvals(la.solve(K, M)).real
+    exact = np.sort(1 / inverse[inverse > 1e-10])
+    M, K = sp.csr_array(M), sp.csr_array(K)
+    theta, x = lowest_modes(factorize_definite(sp.csr_array(K - sigma * M)), M, sigma, n, 1e-4)
+    np.testing.assert_allclose(theta, exact, rtol=1e-9)
+    assert np.abs(K @ x - (M @ x) * theta).max() <= 1e-6
+    model = ReducedModel(
+        Problem((Term("m", "M", M, True, {}), Term("k", "K", K, True, {"mu": 1})), {"mu": 1.0}), "mu",
+        np.array([1.0, 1.1]), Request(count=2 * n),
+    )  # fmt: skip
+    np.testing.assert_allclose(model.modes(1.1).lam.imag ** 2, 1.1 * exact, rtol=1e-8)
 
 
 def test_columns_of_modes_are_as_long_as_their_parts():
