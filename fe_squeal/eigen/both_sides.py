@@ -32,7 +32,7 @@ def pairs_within(
     Raises
     ------
     NotConvergedError
-        If no left modes of such λ were found.
+        If no left modes of such λ were found; `partial` has these λ (k,) and their right vectors (n, k).
     """
     lam, right, reach = operator.within(radius, most, False, restarts, draw, needed)
     away = np.abs(lam - operator.sigma)
@@ -51,7 +51,8 @@ def pairs_within(
     i, j = _nearest(lam, other.conj())
     same = np.abs(lam[i] - other[j].conj()) <= _SAME * np.abs(lam[i])
     if not same.any():
-        raise NotConvergedError(f"{len(lam)} modes were found without their left modes")
+        found = operator.eigenpairs(lam, right)
+        raise NotConvergedError(f"{len(lam)} modes were found without their left modes", found)
     return lam[i[same]], right[:, i[same]], left[:, j[same]], 0.0
 
 

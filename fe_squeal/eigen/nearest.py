@@ -9,7 +9,7 @@ from ..errors import NotConvergedError
 from .free_modes import FreeModes
 from .pencil import Modes, Pencil
 from .quality import in_upper_half, modes_from_lambda, modes_from_theta
-from .shift_invert import ShiftInverted
+from .shift_invert import Pairs, ShiftInverted
 
 
 def symmetric_modes(
@@ -49,7 +49,7 @@ def nonsymmetric_modes(
         theta_left, left = theta.conj(), right.conj()
     else:
         theta_left, left = operator.largest(count, adjoint=True)
-    inner, inner_left = _common(theta, theta_left, operator.sigma, every)
+    inner, inner_left = _common(operator, (theta, right), theta_left, every)
     theta, right = theta[inner], right[:, inner]
     _, partner = linear_sum_assignment(np.abs(theta[:, None] - theta_left[None, inner_left].conj()))
     left = left[:, inner_left[partner]]
@@ -67,7 +67,7 @@ def quadratic_modes(
     lam, right = operator.largest(count)
     every = len(lam) < count or count == operator.size
     lam_left, left = operator.largest(count, adjoint=True)
-    inner, inner_left = _common(lam, lam_left.conj(), operator.sigma, every)
+    inner, inner_left = _common(operator, (lam, right), lam_left.conj(), every)
     lam, right = lam[inner], right[:, inner]
     # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
     _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
@@ -85,15 +85,19 @@ def _farthest(values: np.ndarray, sigma: complex) -> float:
     return float(np.abs(values - sigma).max(initial=0.0))
 
 
-def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the positions of right and left eigenvalues inside the widest clear ring around sigma.
+def _common(
+    operator: ShiftInverted, pairs: Pairs, theta_left: np.ndarray, every: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions of right and left eigenvalues inside the widest clear ring around the shift.
 
     Inside, both sets are the same; at the rim a conjugate pair or a multiple eigenvalue may be cut by one of them.
 
     Raises
     ------
     NotConvergedError
+        `partial` has the right ones, as of `ShiftInverted.largest`.
     """
+    theta, sigma = pairs[0], operator.sigma
     if every and len(theta) == len(theta_left):
         return np.arange(len(theta)), np.arange(len(theta))
     radius, radius_left = np.abs(theta - sigma), np.abs(theta_left - sigma)
@@ -104,7 +108,10 @@ def _common(theta: np.ndarray, theta_left: np.ndarray, sigma: complex, every: bo
             inner, inner_left = np.flatnonzero(radius < middle), np.flatnonzero(radius_left < middle)
             if len(inner) == len(inner_left):
                 return inner, inner_left
-    raise NotConvergedError(f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair")
+    raise NotConvergedError(
+        f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair",
+        operator.eigenpairs(*pairs),
+    )
 
 
 def method_of(operator: ShiftInverted) -> str:

@@ -119,7 +119,7 @@ class ShiftInverted:
         Raises
         ------
         NotConvergedError
-            `partial` has the values 1/(θ − σ), 1/(λ − σ) that converged.
+            `partial` has the λ (k,) and vectors u (n, k) that converged; None of the adjoint problem.
         SingularError
             The shift is an eigenvalue.
         """
@@ -134,13 +134,16 @@ class ShiftInverted:
             basis, remain = _basis_size(count, self.size), None if self._free is None else self._free[adjoint]
             v0 = v0 if remain is None else remain(v0)
             require_vectors(self.size, basis + 2 * count, v0.itemsize)
-            return finish(*_run(lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), count))
+            return self._run(
+                lambda: eigs(operator, count, which="LM", tol=_TOLERANCE, v0=v0, ncv=basis), finish, count, adjoint
+            )
         with one_openblas_thread():
             nu, z, _ = largest_within(apply, self.size, np.inf, count, _RESTARTS, block=_BLOCK)
         if np.abs(nu).max(initial=0.0) * _APART * abs(self._shift) > 1:  # beside it others would be inexact
             raise SingularError(f"the shift {self.sigma:.6g} is an eigenvalue")
         if len(nu) < count:
-            raise NotConvergedError(f"block Krylov-Schur: {len(nu)} of {count} modes converged", partial=nu)
+            found = None if adjoint else self.eigenpairs(*finish(nu, z))
+            raise NotConvergedError(f"block Krylov-Schur: {len(nu)} of {count} modes converged", found)
         return finish(nu, z)
 
     def within(
@@ -218,18 +221,40 @@ class ShiftInverted:
         mass = _operator(self.size, lambda u: M @ u, float)
         operator = _operator(self.size, lambda b: respond(self._factor.solve(self._pad(b)))[rows], float)
         v0 = respond(self._pad(_start(self.size)))[rows]
-        theta, x = _run(
+
+        def finish(theta: np.ndarray, x: np.ndarray) -> Pairs:
+            _, index = _nonzero(1 / (theta - sigma), np.arange(len(theta))[None, :], self.size)
+            theta, x = theta[index[0]], x[:, index[0]]
+            # Where unknowns are left out or scaled, the M-norm may hardly see some: one more solve makes these right.
+            plain = self.size == n and self._d is None
+            return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))
+
+        return self._run(
             lambda: eigsh(
                 mass, count, M=mass, sigma=sigma, which=which, OPinv=operator, tol=tolerance, v0=v0,
                 ncv=_basis_size(count, self.size),
             ),
-            count,
+            finish, count,
         )  # fmt: skip
-        # Where unknowns are left out or scaled, the M-norm may hardly see some: one more solve makes these right.
-        plain = self.size == n and self._d is None
-        nu, index = _nonzero(1 / (theta - sigma), np.arange(len(theta))[None, :], self.size)
-        theta, x = theta[index[0]], x[:, index[0]]
-        return self._unit * theta, self._in_units(x if plain else respond(self._factor.solve(self._pad(M @ x))))
+
+    def eigenpairs(self, values: np.ndarray, u: np.ndarray) -> Pairs:
+        """Return λ (k,) and u (n, k) of pairs of θ, or λ with C, as a failed search hands on those it has found."""
+        return (1j * np.sqrt(values.astype(complex)) if self.pencil.C is None else values), u
+
+    def _run(
+        self, call: Callable[[], Pairs], finish: Callable[[np.ndarray, np.ndarray], Pairs], count: int,
+        adjoint: bool = False,
+    ) -> Pairs:  # fmt: skip
+        try:
+            with one_openblas_thread():
+                return finish(*call())
+        except ArpackNoConvergence as error:
+            number = len(error.eigenvalues)
+            some = number > 0 and not adjoint
+            found = self.eigenpairs(*finish(error.eigenvalues, error.eigenvectors)) if some else None
+            raise NotConvergedError(f"ARPACK: {number} of {count} modes converged", found) from error
+        except ArpackError as error:
+            raise NotConvergedError(f"ARPACK: {error}") from error
 
     def without(self, x: np.ndarray) -> ShiftInverted:
         """Return the operator of an undamped symmetric pencil with eigenvectors x (n, k) alone taken out.
@@ -348,18 +373,6 @@ def _nonzero(nu: np.ndarray, z: np.ndarray, size: int) -> Pairs:
     """Return the pairs without those that are zero but for rounding: infinite eigenvalues, which are no modes."""
     keep = np.abs(nu) > size * np.finfo(float).eps * np.abs(nu).max(initial=0.0)
     return nu[keep], z[:, keep]
-
-
-def _run(call: Callable[[], Pairs], count: int) -> Pairs:
-    try:
-        with one_openblas_thread():
-            return call()
-    except ArpackNoConvergence as error:
-        raise NotConvergedError(
-            f"ARPACK: {len(error.eigenvalues)} of {count} modes converged", partial=error.eigenvalues
-        ) from error
-    except ArpackError as error:
-        raise NotConvergedError(f"ARPACK: {error}") from error
 
 
 def _basis_size(count: int, n: int) -> int:

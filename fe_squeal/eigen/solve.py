@@ -11,8 +11,10 @@ from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .linear.factor import LinearSolver, SingularError
+from .multiple import unit_mass
 from .nearest import nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .pencil import Modes, Pencil
+from .quality import backward_errors, in_upper_half
 from .request import Completeness, Request, select_wanted
 from .shift import BEHIND, distance_to_nearest, known_radius, shift_below, symmetric_part
 from .shift_invert import ShiftInverted
@@ -47,7 +49,8 @@ def solve_modes(
     Raises
     ------
     NotConvergedError
-        If a wanted mode misses the tolerance; `partial` has the modes.
+        If a wanted mode misses the tolerance, or not all are found. `partial` has the `Modes` that were found with
+        their backward errors, perhaps without left ones and with infinite uncertainties; None if there are none.
 
     Examples
     --------
@@ -57,11 +60,16 @@ def solve_modes(
     >>> np.round(modes.lam.imag**2, 9)
     array([1., 2., 3.])
     """
-    if pencil.n <= DENSE_LIMIT:
-        modes = select_wanted(solve_dense(pencil, linear_solver=linear_solver), request, np.inf)
-        assert modes is not None
-    else:
-        modes = _solve_sparse(pencil, request, band, linear_solver, expected)
+    try:
+        if pencil.n <= DENSE_LIMIT:
+            modes = select_wanted(solve_dense(pencil, linear_solver=linear_solver), request, np.inf)
+            assert modes is not None
+        else:
+            modes = _solve_sparse(pencil, request, band, linear_solver, expected)
+    except NotConvergedError as error:
+        if isinstance(error.partial, tuple):
+            error.partial = _unfinished(pencil, *error.partial)
+        raise
     worst = modes.backward_error.max(initial=0.0)
     if not worst <= request.tolerance:
         worst = modes.backward_error[~_are_free_motions(pencil, modes)].max(initial=0.0)
@@ -70,6 +78,19 @@ def solve_modes(
             f"backward error {worst:.2g} of a mode exceeds the tolerance {request.tolerance:.2g}", partial=modes
         )
     return modes
+
+
+def _unfinished(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> Modes | None:
+    """Return the modes of λ (k,) and vectors (n, k) that a search had found when it failed; None without any.
+
+    They have no left ones, without which it is not known how uncertain their λ are.
+    """
+    upper = np.flatnonzero(in_upper_half(pencil, lam))
+    upper = upper[np.argsort(lam[upper].imag, kind="stable")]
+    lam, right = lam[upper], unit_mass(pencil, right[:, upper])
+    unknown = np.full(len(lam), np.inf)
+    modes = Modes(lam, right, None, backward_errors(pencil, lam, right), unknown, unknown, "unfinished")
+    return modes if len(lam) else None
 
 
 def _are_free_motions(pencil: Pencil, modes: Modes) -> np.ndarray:
@@ -235,5 +256,8 @@ def _undamped_band(pencil: Pencil, request: Request, linear_solver: LinearSolver
     undamped = symmetric_part(pencil)
     sigma = shift_below(undamped, None)
     operator, _ = _shifted(undamped, sigma, split_off(undamped, linear_solver), linear_solver)
-    theta, _ = operator.largest_symmetric(count, "LM", _ROUGHLY)
+    try:
+        theta, _ = operator.largest_symmetric(count, "LM", _ROUGHLY)
+    except NotConvergedError as error:  # whose modes are not those of the pencil
+        raise NotConvergedError(f"without damping and friction: {error}") from error
     return float(np.sqrt(np.abs(theta).max(initial=0.0))) or float(np.sqrt(-sigma))

@@ -1,17 +1,19 @@
 """Modes of sparse pencils against LAPACK on the full matrices, for every class and linear solver."""
 
+import functools
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from pencils import N, chain, distance, reference
 
-from fe_squeal.eigen import memory
+from fe_squeal.eigen import memory, shift_invert
 from fe_squeal.eigen.dense import DENSE_LIMIT, solve_dense
 from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.choice import factorize, factorize_complex
-from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.pencil import Modes, Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import prove_completeness, solve_modes
 from fe_squeal.errors import NotConvergedError, TooLargeError
@@ -188,3 +190,29 @@ def test_a_tolerance_that_cannot_be_met_is_reported_with_the_modes():
     with pytest.raises(NotConvergedError, match="tolerance") as caught:
         solve_modes(chain(), Request(count=5, tolerance=1e-30))
     assert len(caught.value.partial) == 5
+
+
+@pytest.mark.parametrize(("friction", "blocks"), [(0.0, False), (0.9, False), (0.9, True)])
+def test_modes_that_a_failed_search_has_found_are_handed_on(monkeypatch, friction, blocks):
+    """ARPACK, and blocks, without restarts: some of 16 modes have converged."""
+    pencil, number = chain(friction=friction), 12
+    if blocks:
+        monkeypatch.setattr(shift_invert, "_IN_BLOCKS", 0)
+        monkeypatch.setattr(shift_invert, "_RESTARTS", 0)
+    for name in ("eigs", "eigsh"):
+        once = functools.partial(getattr(shift_invert, name), maxiter=1)
+        monkeypatch.setattr(shift_invert, name, once)
+    with pytest.raises(NotConvergedError, match="modes converged") as caught:
+        solve_modes(pencil, Request(count=number))
+    found = caught.value.partial
+    assert isinstance(found, Modes) and number <= len(found) < number + 4 and found.left is None
+    assert (np.diff(found.lam.imag) >= 0).all() and found.backward_error.max() < 1e-10
+    assert distance(found.lam, reference(pencil)) < 1e-8
+    np.testing.assert_allclose(np.einsum("ij,ij->j", found.right.conj(), pencil.M @ found.right), 1, rtol=1e-12)
+
+
+def test_a_search_that_has_found_nothing_hands_on_nothing():
+    """Without any mass there are no modes."""
+    with pytest.raises(NotConvergedError) as caught:
+        solve_modes(Pencil(sp.csr_array((N, N)), chain().K, symmetric=True), Request(count=3))
+    assert caught.value.partial is None
