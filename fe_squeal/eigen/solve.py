@@ -10,6 +10,7 @@ from .counted import counted_modes, parting_frequency
 from .dense import DENSE_LIMIT, solve_dense
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
+from .inverse_iteration import improved
 from .linear.factor import LinearSolver, SingularError
 from .multiple import unit_mass
 from .nearest import nonsymmetric_modes, quadratic_modes, symmetric_modes
@@ -70,14 +71,22 @@ def solve_modes(
         if isinstance(error.partial, tuple):
             error.partial = _unfinished(pencil, *error.partial)
         raise
-    worst = modes.backward_error.max(initial=0.0)
-    if not worst <= request.tolerance:
-        worst = modes.backward_error[~_are_free_motions(pencil, modes)].max(initial=0.0)
-    if not worst <= request.tolerance:
+    inexact = _inexact(pencil, modes, request)
+    if inexact.any():
+        modes = improved(pencil, modes, inexact, request.tolerance, linear_solver)
+        inexact = _inexact(pencil, modes, request)
+    if inexact.any():
+        worst = modes.backward_error[inexact].max()
         raise NotConvergedError(
             f"backward error {worst:.2g} of a mode exceeds the tolerance {request.tolerance:.2g}", partial=modes
         )
     return modes
+
+
+def _inexact(pencil: Pencil, modes: Modes, request: Request) -> np.ndarray:
+    """Return (k,) bool, which modes miss the tolerance, but for motions that are known to be free."""
+    inexact = ~(modes.backward_error <= request.tolerance)
+    return inexact & ~_are_free_motions(pencil, modes) if inexact.any() else inexact
 
 
 def _unfinished(pencil: Pencil, lam: np.ndarray, right: np.ndarray) -> Modes | None:

@@ -228,3 +228,25 @@ def test_columns_of_unlike_units_with_friction(record):
     wanted = modes.lam
     record(digits(wanted, exact[np.abs(wanted[:, None] - exact).argmin(axis=1)]), "scaled before it is solved",
            *judged(plain_eigs(pencil, 10), wanted))  # fmt: skip
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e7])
+@pytest.mark.parametrize("kind", ["symmetric", "nonsymmetric", "damped", "loss"])
+def test_a_soft_part_beside_a_stiff_one(kind, ratio):
+    """Five modes of 1 to 5 rad/s, which nothing couples to the others: rounding of these has forces far larger.
+
+    Friction of the first two gives θ = 1 and 4; damping ratios are 0.005, and the loss factor 0.01.
+    """
+    n, soft = DENSE_LIMIT + 50, 5
+    omega = np.r_[np.arange(1.0, soft + 1), ratio * np.linspace(1, 3, n - soft)]
+    L = sp.csr_array(sp.eye_array(n) + sp.diags_array(np.where(np.arange(1, n) == soft, 0.0, 0.2), offsets=1))
+    D = sp.csr_array(sp.diags_array(omega**2 * (1 + 0.01j if kind == "loss" else 1.0)))
+    if kind == "nonsymmetric":
+        D = sp.csr_array(D + sp.csr_array(([0.3], ([0], [1])), shape=(n, n)))
+    C = sp.csr_array(L.T @ sp.diags_array(0.01 * omega) @ L) if kind == "damped" else None
+    pencil = Pencil(sp.csr_array(L.T @ L), sp.csr_array(L.T @ D @ L), C, symmetric=kind != "nonsymmetric")
+    low = omega[:4]
+    exact = {"damped": low * (-0.005 + 1j * np.sqrt(1 - 0.005**2)), "loss": 1j * low * np.sqrt(1 + 0.01j)}
+    modes = solve_modes(pencil, Request(count=4))
+    np.testing.assert_allclose(modes.lam, exact.get(kind, 1j * low), rtol=1e-8)
+    assert modes.backward_error.max() <= 1e-8
