@@ -250,8 +250,9 @@ class Assembly:
         )  # fmt: skip
 
     def _describer(self, context: Context) -> Describer | None:
-        """Return what describes modes: about the axis of the first contact that slides, or along its normal."""
-        key = tuple((name, None if c.motion is None else c.motion.way) for name, c in context.contacts.items())
+        """Return what describes modes: about the axis of what turns, or along the normal of a belt."""
+        contacts = {name: c.motion for name, c in context.contacts.items()}
+        key = tuple((name, None if m is None else m.way) for name, m in (*contacts.items(), *context.motions.items()))
         return self._cache.get("describer", key, lambda: describer_of(context, self.bodies))
 
     def _body(self, scene: Scene, name: str) -> BodyPart:
@@ -311,6 +312,7 @@ class Assembly:
         return ContactPart(
             name, contact.kind, operators, contact.normal_stiffness, contact.friction_ratio, motion,
             frozenset(carriers), frozenset(pads),
+            (contact.surface, *(() if contact.is_rigid else (contact.counterface,))),
         )  # fmt: skip
 
     def _warnings(self, contacts: Mapping[str, ContactPart]) -> tuple[str, ...]:

@@ -43,10 +43,11 @@ class LaterDescriber:
 
 
 def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describer | None:
-    """Return an object that says what modes look like; None if no contact of the scene slides.
+    """Return an object that says what modes look like; None if no body turns and no contact slides.
 
-    It describes them about the axis of the first contact that slides about one, or along the normal of the first
-    contact of a belt. The bodies with a counterface that slides about this axis are taken to rotate.
+    It describes them about the axis of the bodies that `[effects.rotation]` turns. Without any it is that of the first
+    sliding contact of which a body carries the counterface, or else of the first contact that slides about an axis, and
+    these bodies are taken to rotate. Where nothing turns it is the normal of the first contact of a belt.
 
     Parameters
     ----------
@@ -54,20 +55,21 @@ def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describe
     bodies : mapping of str to (m,) int
         Elements of each body.
     """
-    sliding = [part for part in context.contacts.values() if part.motion is not None]
-    if not sliding:
-        return None
-    motion = sliding[0].motion
-    assert motion is not None
     masses = {name: body.mass.matrix for name, body in context.bodies.items()}
-    if motion.centre is None:
-        operators = sliding[0].operators
+    motions = {part.name: part.motion for part in context.contacts.values() if part.motion is not None}
+    about = [context.contacts[name] for name, motion in motions.items() if motion.centre is not None]
+    about.sort(key=lambda part: part.kind != "sliding" or not part.carriers)  # a stable sort
+    if context.motions or about:
+        motion = next(iter(context.motions.values())) if context.motions else motions[about[0].name]
+    elif motions:
+        operators = context.contacts[next(iter(motions))].operators
         mean = operators.weights @ operators.normals / operators.area
         normal = mean if np.linalg.norm(mean) > _ONE_SIDE else None
         return LaterDescriber(partial(make_describer, context.space, masses, bodies, (), normal, None))
-    same = [part for part in sliding if part.motion is not None and _is_same(part.motion.way, motion.way)]
-    carriers = {name for part in same for name in part.carriers}
-    turning = tuple(name for name in bodies if name in carriers)
+    else:
+        return None
+    rotating = {name: motions[part.name] for part in about for name in part.carriers} | dict(context.motions)
+    turning = tuple(name for name in bodies if name in rotating and _is_same(rotating[name].way, motion.way))
     make = partial(make_describer, context.space, masses, bodies, turning, motion.velocity, motion.centre)
     return LaterDescriber(make)
 

@@ -84,6 +84,8 @@ class ContactPart:
         Motion of the counterface.
     carriers, pads : frozenset of str
         Bodies that carry the counterface, and the surface that touches it.
+    groups : tuple of str
+        Names of its surfaces in the mesh: that of the pads, and the counterface unless that is rigid.
     state : ContactState or None
         What presses in it.
     """
@@ -96,6 +98,7 @@ class ContactPart:
     motion: SteadyMotion | None
     carriers: frozenset[str]
     pads: frozenset[str]
+    groups: tuple[str, ...]
     state: ContactState | None = None
 
     @property

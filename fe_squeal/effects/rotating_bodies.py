@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ..errors import SceneError
 from ..fem.motion import SteadyMotion
@@ -58,10 +60,9 @@ def motion_of_body(
             raise SceneError(f"{key}: no contact slides on body {body}, which gives its motion; expected {missing}")
         return SteadyMotion(np.array(axis) / np.linalg.norm(axis) * speed, np.array(centre or (0.0, 0.0, 0.0)))
     assert motion.centre is not None
-    along = motion.velocity if axis is None else np.array(axis)
-    if axis is None and speed is not None and speed < 0:
-        along = -along
-    size = np.linalg.norm(motion.velocity) if speed is None else speed
+    sign = -1.0 if motion.backward else 1.0  # of the contact's own speed about its axis, as the scene gives these
+    along = sign * motion.velocity if axis is None else np.array(axis)
+    size = sign * np.linalg.norm(motion.velocity) if speed is None else speed
     again = SteadyMotion(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
     if not turn_alike(motion, again):
         what = ", ".join(k for k, v in given.items() if v is not None)
@@ -106,6 +107,30 @@ def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     return True
 
 
+def check_glue(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
+    """Raise where a tied contact of rotating bodies, with each other or a rigid face, does not go evenly around.
+
+    What is joined over a part of the ring alone is no body of revolution. Bodies that turn otherwise, or not at all,
+    are left to `joined_to_others`.
+
+    Raises
+    ------
+    SceneError
+    """
+    mesh = context.space.mesh
+    for contact in context.contacts.values():
+        own = [motions.get(name) for name in contact.pads | contact.carriers]
+        turning = [m for m in own if m is not None]
+        if contact.kind != "tied" or len(turning) < len(own) or not all(turn_alike(turning[0], m) for m in turning):
+            continue
+        for body in sorted(contact.pads | contact.carriers):
+            for group in contact.groups:
+                facets = context.facets(group, contact.path)
+                mine = facets[np.isin(mesh.f2t[0, facets], context.bodies[body].elements)]
+                if len(mine):
+                    check_ring(mesh, mine, motions[body], f"{contact.path}, on {group},", body)
+
+
 def nodes_of_body(context: Context, name: str) -> np.ndarray:
     """Return the nodes of a body, int, ascending."""
     space, body = context.space, context.bodies[name]
@@ -143,6 +168,21 @@ def joined_to_others(context: Context) -> list[str]:
     return found
 
 
+def turning_together(context: Context) -> list[list[str]]:
+    """Return the names of the rotating bodies in groups that are joined and turn alike: each moves rigidly as one."""
+    names = list(context.motions)
+    joined = np.zeros((len(names), len(names)), bool)
+    for i, j in itertools.combinations(range(len(names)), 2):
+        pair = {names[i], names[j]}
+        joined[i, j] = turn_alike(*(context.motions[name] for name in (names[i], names[j]))) and (
+            np.isin(nodes_of_body(context, names[i]), nodes_of_body(context, names[j])).any()
+            or any(c.kind == "tied" and pair <= c.pads | c.carriers for c in context.contacts.values())
+            or any(tie.rigid and all(_holds(context, tie, name) for name in pair) for _, tie, _ in context.references)
+        )
+    labels = connected_components(joined, directed=False)[1]
+    return [[name for name, own in zip(names, labels, strict=True) if own == k] for k in np.unique(labels)]
+
+
 def _differs(motion: SteadyMotion, other: SteadyMotion | None) -> str | None:
     """Return in words how a body moves other than one that rotates; None where it rotates with it."""
     if other is None:
@@ -172,7 +212,7 @@ def free_motions(
     space: DisplacementSpace, elements: np.ndarray, motion: SteadyMotion, terms: Sequence[Term],
     parameters: Mapping[str, float],
 ) -> list[str]:  # fmt: skip
-    """Return which rigid motions of a rotating body, to turn or to tilt, are held by nothing but its own inertia.
+    """Return which rigid motions of rotating bodies, to turn or to tilt, are held by nothing but their own inertia.
 
     Against the negative K_Ω they have the stiffness of the centrifugal stress alone: with it a body that is turned
     stays where it is, and one that is tilted wobbles with 2Ω. Without it the turned one has λ = ±Ω.
@@ -180,7 +220,7 @@ def free_motions(
     Parameters
     ----------
     elements : (e,) int
-        Elements of the body.
+        Elements of one body, or of several that move as one.
     terms : sequence of Term
         Terms of all bodies, springs and contacts.
     """

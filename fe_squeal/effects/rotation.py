@@ -19,12 +19,14 @@ from .context import BodyPart, Context
 from .effect import Effect, Outline
 from .rayleigh import Rayleigh
 from .rotating_bodies import (
+    check_glue,
     check_material,
     check_shape,
     free_motions,
     joined_to_others,
     motion_of_body,
     nodes_of_body,
+    turning_together,
     unit_rotation,
 )
 from .rotating_contacts import tied_damping_terms
@@ -95,6 +97,7 @@ class Rotation(Effect):
             motions[name] = motion_of_body(name, contacts, self.axis, self.centre, self.speed)
         for name, motion in motions.items():
             _check(context, context.bodies[name], motion)
+        check_glue(context, motions)
         return motions
 
     def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
@@ -147,12 +150,15 @@ class Rotation(Effect):
         found = joined_to_others(context)
         if context.table(StressStiffening) is not None:
             return found
-        for name, motion in context.motions.items():
-            free = free_motions(context.space, context.bodies[name].elements, motion, others, parameters)
+        for names in turning_together(context):
+            motion = context.motions[names[0]]
+            elements = np.concatenate([context.bodies[name].elements for name in names])
+            free = free_motions(context.space, elements, motion, others, parameters)
             speed = np.linalg.norm(motion.velocity)
             if free:
+                what = f"body {names[0]} is" if len(names) == 1 else f"bodies {', '.join(names)} are together"
                 found.append(
-                    f"effects.rotation: body {name} is free to {' and to '.join(free)}; without"
+                    f"effects.rotation: {what} free to {' and to '.join(free)}; without"
                     f" [effects.stress_stiffening] its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are"
                     f" not right, and growth of up to Re λ = Ω = {speed:.4g} 1/s appears that does not exist: write"
                     " [effects.preload] and [effects.stress_stiffening], or hold the body"

@@ -19,10 +19,13 @@ class SteadyMotion:
         Belt: direction times speed, m/s; rotation: axis times angular speed, rad/s.
     centre : (3,) float or None, m
         A point of the axis of rotation; None for a belt.
+    backward : bool
+        Whether the speed was given below zero: the axis or direction as it was given is that of −velocity.
     """
 
     velocity: np.ndarray
     centre: np.ndarray | None = None
+    backward: bool = False
 
     @property
     def way(self) -> tuple[float, ...]:

@@ -15,6 +15,7 @@ _SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge belo
 _ON_AXIS = 1e-6  # part of a facet's distance from the axis: a corner nearer to the axis than this lies on it
 _REVOLUTION = 1e-9  # relative change of a stiffness tensor under a turn that still counts as rounding
 _ORDERS = 16  # number of harmonics around the axis by which a ring is told from a part of a ring
+_WHOLE = 1e-6  # of a number of cells: rounding of one that is whole
 _EVEN = 0.05  # part of the area: the largest harmonic that a ring may have; exactly it has none, on coarse meshes too
 
 
@@ -129,13 +130,13 @@ def _angles(x: np.ndarray, rotation: SteadyMotion) -> tuple[np.ndarray, float]:
 
 def _check_even(angle: np.ndarray, weight: np.ndarray, width: float, what: str, of_what: str) -> None:
     # A cell stands for its middle: harmonics shorter than two cells are not those of the ring.
-    orders = np.arange(1, np.clip(int(np.pi / max(width, 1e-9)), 1, _ORDERS) + 1)
+    orders = np.arange(1, np.clip(int(np.pi / max(width, 1e-9) + _WHOLE), 1, _ORDERS) + 1)
     share = np.abs(np.exp(1j * orders[:, None] * angle) @ weight) / weight.sum()
     if share.max() > _EVEN:
         raise SceneError(
             f"effects.rotation: {what} evenly around"
             f" the axis (harmonic {share.argmax() + 1} has {share.max():.2g} of its {of_what}); expected one of"
-            " revolution, because supports and springs do not turn with the body"
+            " revolution, because what acts on the body has to be the same all around it"
         )
 
 

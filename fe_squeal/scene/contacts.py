@@ -51,7 +51,7 @@ class SlidingSection(Section):
         """Return the motion as arrays in SI units."""
         vector = np.array(self.axis or self.direction, float)
         velocity = vector / np.linalg.norm(vector) * self.speed
-        return SteadyMotion(velocity, np.array(self.centre) if self.axis is not None else None)
+        return SteadyMotion(velocity, np.array(self.centre) if self.axis is not None else None, self.speed < 0)
 
 
 class Contact(Section):

@@ -223,3 +223,22 @@ def test_a_belt_in_a_bore_has_no_direction_out_of_plane():
     problem = make_problem(mesh, 1, contacts=[contact], effects={"friction": {"mu": 0.1}})
     found = problem.describer.describe(problem.terms, problem.parameters, modes_of(problem, 4).right)
     assert found["out_of_plane"] == [None] * len(found["body"]) and found["body"][0] == "disc"
+
+
+@pytest.mark.parametrize("guide", [{"direction": [1.0, 0.0, 0.0]}, {"axis": [1.0, 0.0, 0.0]}], ids=["belt", "bush"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_order_of_contacts_changes_no_description(guide, turned):
+    """A guide that slides without friction is no axis of the disc, wherever it stands in the scene."""
+    mesh = annulus("hex1", (2, 16, 1), INNER, OUTER, 0.02)
+    mesh = join(mesh, box("hex1", (2, 2, 1), (0.05, 0.05, 0.02), (0.1, 0.0, 0.02), "pad"))
+    slides = {"name": "c", "surface": "bottom_pad", "counterface": "top", "normal_stiffness": 1e9,
+              "sliding": {"axis": [0.0, 0.0, 1.0], "speed": 5.0}}  # fmt: skip
+    guides = {"name": "g", "surface": "top_pad", "counterface": "rigid", "normal_stiffness": 1e8,
+              "kind": "frictionless", "sliding": {**guide, "speed": 1.0}}  # fmt: skip
+    effects = {"friction": {"mu": 0.3}} | ({"rotation": {"bodies": ["disc"]}} if turned else {})
+    held, found = [{"surface": "hub", "fixed": "xyz"}], []
+    for contacts in ([slides, guides], [guides, slides]):
+        problem = make_problem(mesh, 1, supports=held, contacts=contacts, effects=effects)
+        found.append(problem.describer.describe(problem.terms, problem.parameters, modes_of(problem, 4).right))
+    assert found[0]["nodal_diameters"] == found[1]["nodal_diameters"] and 2 in found[1]["nodal_diameters"]
+    assert found[0]["out_of_plane"] == pytest.approx(found[1]["out_of_plane"], abs=1e-6)

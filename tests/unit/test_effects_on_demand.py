@@ -11,7 +11,9 @@ from selection import some
 from fe_squeal import parse_scene
 from fe_squeal.effects import EFFECTS, rotating_bodies
 from fe_squeal.effects.effect import Effect
+from fe_squeal.effects.rotating_bodies import motion_of_body
 from fe_squeal.errors import InputError, SceneError
+from fe_squeal.scene.contacts import SlidingSection
 from meshes import STEEL, annulus, box, join, make_problem
 
 SLIDING = {"axis": [0.0, 0.0, 1.0], "speed": 20.0}
@@ -167,6 +169,21 @@ def test_structural_damping_without_loss_is_no_term():
 def test_combinations_that_make_no_sense(effects, word):
     with pytest.raises(InputError, match=word.replace("[", r"\[")):
         disc_and_pad(effects)
+
+
+@pytest.mark.parametrize("of_contact", [5.0, -5.0])
+@pytest.mark.parametrize("axis", [None, (0.0, 0.0, 2.0), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("speed", [None, 5.0, -5.0])
+def test_a_rotation_that_is_given_twice_agrees_with_its_sign(of_contact, axis, speed):
+    """A speed counts about the axis as it is written: about the contact's where the rotation has none."""
+    motion = SlidingSection(axis=(0.0, 0.0, 1.0), speed=of_contact).motion()
+    same = (of_contact if speed is None else speed) * (1.0 if axis is None else np.sign(axis[2])) == of_contact
+    if not same:
+        with pytest.raises(SceneError, match="other than those of contact c"):
+            motion_of_body("disc", {"c": motion}, axis, None, speed)
+    else:
+        found = motion_of_body("disc", {"c": motion}, axis, None, speed)
+        np.testing.assert_array_equal(found.velocity, [0.0, 0.0, of_contact])
 
 
 def test_friction_without_contact_is_refused():

@@ -9,7 +9,7 @@ from fe_squeal.errors import SceneError
 from fe_squeal.fem import revolution
 from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
 from fe_squeal.fem.motion import SteadyMotion
-from meshes import KINDS, STEEL, annulus, box, make_problem, mapped, rotation
+from meshes import KINDS, STEEL, annulus, box, join, make_problem, mapped, rotation
 
 INNER, OUTER = 0.1, 0.2
 ELASTICITY = stiffness_tensor(Material(**STEEL))
@@ -149,3 +149,46 @@ def test_a_body_free_to_turn_is_spoken_of(tables, said):
     assert len(found) == bool(said)
     for word in ("turn", "tilt"):
         assert not said or (word in found[0]) == any(word in w for w in said)
+
+
+def test_every_second_facet_is_no_ring():
+    """Twelve facets around the axis show six waves, and no more: the two ends of what they can tell are both whole."""
+    mesh = around(annulus("hex1", (1, 12, 1), INNER, OUTER, 0.02), "hub", lambda a: np.floor(a / (np.pi / 6)) % 2 == 0)
+    with pytest.raises(SceneError, match="harmonic 6 "):
+        make_problem(mesh, order=1, supports=[{"surface": "hub", "fixed": "xyz"}], effects=ROTATION)
+
+
+@pytest.mark.parametrize("counterface", ["hub_b", "rigid"])
+def test_glue_of_rotating_bodies_goes_around_the_axis(counterface):
+    """Rings that are glued over a part alone are no body of revolution, though each of them is."""
+    sizes = {"a": (INNER, 0.15), "b": (0.15, OUTER)}
+    rings = join(*(annulus("hex1", (1, 12, 1), *radii, 0.02, name=name) for name, radii in sizes.items()))
+    glue = {"name": "c", "surface": "rim_a", "counterface": counterface, "normal_stiffness": 1e14, "kind": "tied"}
+    turning = {"rotation": {**ROTATION["rotation"], "bodies": ["a", "b"]}}
+    make_problem(rings, order=1, contacts=[glue], effects=turning)
+    patch = around(rings, "rim_a", lambda a: np.abs(a) < 1)
+    with pytest.raises(SceneError, match=r"contacts\.c, on rim_a, acts on the rotating body .a. .*harmonic 1 "):
+        make_problem(patch, order=1, contacts=[glue], effects=turning)
+    make_problem(patch, order=1, contacts=[glue])
+
+
+@pytest.mark.parametrize("joint", ["nodes", "glue", "rigid"])
+def test_bodies_that_turn_as_one_are_free_as_one(joint):
+    """A disc and its hat: turned by itself each of them would strain the other, and seem to be held."""
+    if joint == "nodes":
+        whole = annulus("hex1", (2, 24, 1), INNER, OUTER, 0.02, name="a")
+        inner = np.linalg.norm(whole.p[:2, whole.t].mean(axis=1), axis=0) < (INNER + OUTER) / 2
+        mesh = whole.with_subdomains({"a": np.flatnonzero(inner), "b": np.flatnonzero(~inner)})
+    else:
+        parts = {"a": (INNER, 0.15), "b": (0.15, OUTER)}
+        mesh = join(*(annulus("hex1", (1, 24, 1), *radii, 0.02, name=name) for name, radii in parts.items()))
+        mesh = mesh.with_boundaries({"both": np.concatenate([mesh.boundaries[f"top_{name}"] for name in parts])})
+    tables = {
+        "nodes": {}, "rigid": {"rigid": [{"name": "plate", "surface": "both"}]},
+        "glue": {"contacts": [{"name": "c", "surface": "rim_a", "counterface": "hub_b", "normal_stiffness": 1e14,
+                               "kind": "tied"}]},
+    }[joint]  # fmt: skip
+    turning = {"rotation": {**ROTATION["rotation"], "bodies": ["a", "b"]}}
+    problem = make_problem(mesh, order=1, effects=turning, **tables)
+    [told] = [w for w in problem.discretisation.warnings if "stress_stiffening" in w]
+    assert "bodies a, b are together free to turn about the axis and to tilt" in told
