@@ -2,12 +2,13 @@
 
 The folder `parts` has `inputs.json`, written first, and the finished chunks of each stage: `samples_00000.npz` and so
 on. Every file is complete or absent, and contains plain arrays. The folder is removed when the study is complete.
+Parts that an earlier study left there stay until this one begins.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,20 @@ from .manifest import Manifest
 
 
 class StudyParts:
-    """The finished parts of a study in a folder of results; `results` is the manifest of the folder."""
+    """The finished parts of a study in a folder of results.
+
+    Attributes
+    ----------
+    results : Manifest
+        The manifest of the folder.
+    folder : Path
+        Where the parts are.
+    begun : bool
+        Whether the parts there are those of this study, by `begin` or `go_on`.
+    """
 
     def __init__(self, results: Manifest) -> None:
-        self.results, self.folder = results, results.folder / PARTS
+        self.results, self.folder, self.begun = results, results.folder / PARTS, False
 
     @property
     def exists(self) -> bool:
@@ -35,11 +46,11 @@ class StudyParts:
 
     @property
     def has_chunks(self) -> bool:
-        """Whether anything is finished."""
-        return any(self.folder.glob("*.npz"))
+        """Whether anything of this study is finished."""
+        return self.begun and any(self.folder.glob("*.npz"))
 
-    def check(self, inputs: Mapping[str, Any]) -> None:
-        """Refuse to go on from parts of another study, or damaged ones.
+    def go_on(self, inputs: Mapping[str, Any]) -> None:
+        """Take the parts that are there for those of this study; refuse parts of another one, or damaged ones.
 
         Raises
         ------
@@ -53,26 +64,28 @@ class StudyParts:
             )
         for path in self.folder.glob("*.npz"):
             _read(path)
+        self.begun = True
 
     def begin(self, inputs: Mapping[str, Any]) -> None:
         """Begin a new study with these inputs, and remove the parts of an earlier one."""
         self.remove()
         write_json(inputs, self.results.folder / PARTS_INPUTS)
+        self.begun = True
 
     def remove(self) -> None:
         """Remove the parts, `inputs.json` first: without this file a study does not resume from the others."""
         self.results.remove(is_part, first=PARTS_INPUTS)
 
-    def stage(self, name: str) -> StageParts:
-        """Return the parts of one stage."""
-        return StageParts(self.folder, name)
+    def stage(self, name: str, begin: Callable[[], None]) -> StageParts:
+        """Return the parts of one stage; `begin` is called before the first one is kept of a study not yet begun."""
+        return StageParts(self, name, begin)
 
 
 class StageParts:
     """The finished chunks of one stage, see `fe_squeal.study.engine.Parts`."""
 
-    def __init__(self, folder: Path, stage: str) -> None:
-        self._folder, self._stage = folder, stage
+    def __init__(self, study: StudyParts, stage: str, begin: Callable[[], None]) -> None:
+        self._study, self._folder, self._stage, self._begin = study, study.folder, stage, begin
 
     def load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Return places and tables of each finished chunk, by its number.
@@ -82,7 +95,9 @@ class StageParts:
         OutputError
             A file is damaged.
         """
-        found = {}
+        found: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        if not self._study.begun:
+            return found
         for path in sorted(self._folder.glob(f"{self._stage}_*.npz")):
             match = re.fullmatch(rf"{self._stage}_(\d+)\.npz", path.name)
             if match is None:
@@ -92,6 +107,8 @@ class StageParts:
 
     def save(self, chunk: int, places: np.ndarray, rows: np.ndarray, modes: np.ndarray) -> None:
         """Keep the places and tables of a finished chunk under its number."""
+        if not self._study.begun:
+            self._begin()
         with replace_atomically(self._folder / f"{self._stage}_{chunk:05d}.npz") as temporary:
             np.savez(temporary, places=places, rows=rows, modes=modes)
 

@@ -16,6 +16,7 @@ from ..assembly.assembly import assemble
 from ..assembly.bodies import scene_mesh
 from ..eigen.memory import peak_memory_mib
 from ..errors import INTERRUPTED, MeshError, NotConvergedError, SceneError
+from ..process.signals import signals_deferred
 from ..report.files import write_json
 from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
@@ -69,7 +70,8 @@ def study(
     ------
     SceneError, MeshError
         The scene has no study, asks for a method that studies do not have, or is wrong, also at one of the places of
-        the study, or the options contradict each other. What was finished before is kept.
+        the study, or the options contradict each other. What was finished before is kept, and so are the results of
+        another study if no chunk was finished.
     OutputError
         The folder cannot be used.
     NotConvergedError
@@ -110,13 +112,6 @@ def _study(
     problem = assemble(scene, mesh)
     for text in told_once(scene_warnings(problem)):
         console.print(f"warning: {text}", markup=False)
-    if resume and parts.exists:
-        parts.check(inputs)
-        console.print("going on from what was finished", markup=False)
-    else:
-        held.check(is_part)
-        held.remove(is_study_result, first=STUDY_RECORD)
-        parts.begin(inputs)
     about = {
         "version": __version__, "title": scene.title, "scene": str(scene.source) if scene.source else None,
         "kind": "scatter" if section.parameters else "map", "unknowns": problem.unknowns,
@@ -126,27 +121,46 @@ def _study(
     options: dict[str, Any] = {
         "modes": scene.solve.modes, "max_frequency": scene.solve.max_frequency, "tolerance": section.tolerance,
         "workers": workers, "scheduler": scheduler, "linear_solver": solver, "method": scene.solve.method,
-        "parts": parts.stage, "scene": scene if isinstance(scene, Scene) else None,
+        "parts": lambda name: parts.stage(name, begin), "scene": scene if isinstance(scene, Scene) else None,
     }  # fmt: skip
-    write_json({**about, "status": "running"}, out / STUDY_RECORD)
+
+    @signals_deferred()  # the folder has what was there or what comes, and nothing between
+    def begin() -> None:
+        """Remove what another study has left; the page of other results stays until there is a new one."""
+        own_page = (out / STUDY_RECORD).exists()
+        held.remove(lambda name: is_study_result(name) and (own_page or name != REPORT), first=STUDY_RECORD)
+        parts.begin(inputs)
+        write_json({**about, "status": "running"}, out / STUDY_RECORD)
+
+    if resume and parts.exists:
+        parts.go_on(inputs)
+        write_json({**about, "status": "running"}, out / STUDY_RECORD)
+        console.print("going on from what was finished", markup=False)
+    else:
+        held.check(is_part)
+        # Earlier results make way when the first chunk of new ones is there, so that no bad input removes them.
+        if not held.names(lambda name: is_study_result(name) or is_part(name)):
+            begin()
     try:
         with _shown(console) as progress:
             finish = scattered if section.parameters else mapped
             said = finish(scene, section, problem, {**options, "progress": clock.beside(progress)}, out, console)
     except KeyboardInterrupt:
-        write_json({**about, "status": "interrupted"}, out / STUDY_RECORD)
-        print(f"interrupted: what was finished is in {out}; --resume goes on from there", file=sys.stderr)
+        if parts.begun:
+            write_json({**about, "status": "interrupted"}, out / STUDY_RECORD)
+        print(f"interrupted: {_finished(parts)}", file=sys.stderr)
         return INTERRUPTED
     except NotConvergedError as error:
-        write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
-        raise NotConvergedError(f"{error}; what was finished is in {out}, --resume goes on from there") from error
+        if parts.begun:
+            write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
+        raise NotConvergedError(f"{error}; {_finished(parts)}") from error
     except (SceneError, MeshError) as error:
         where = f"{scene.source}: " if scene.source is not None else ""
         told = f"{where}{str(error).removeprefix(where)}"
         if parts.has_chunks:
             write_json({**about, "status": "not converged"}, out / STUDY_RECORD)
             told += f"; what was finished before is in {parts.folder}"
-        else:
+        elif parts.begun:
             held.remove(is_study_result, first=STUDY_RECORD)
             parts.remove()
         raise type(error)(told) from error
@@ -161,6 +175,13 @@ def _study(
     parts.remove()
     console.print(f"results in {out}: {REPORT if scene.output.report else STUDY_RECORD}; {seconds:.0f} s", markup=False)
     return 0
+
+
+def _finished(parts: StudyParts) -> str:
+    """Return what there is of a study that has ended early."""
+    if parts.has_chunks:
+        return f"what was finished is in {parts.results.folder}, --resume goes on from there"
+    return "nothing was finished" if parts.begun else f"nothing was finished, and {parts.results.folder} is as it was"
 
 
 class StageClock:

@@ -19,7 +19,8 @@ import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal.cli import main
-from fe_squeal.errors import NotConvergedError
+from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.run.parts import StageParts
 from fe_squeal.scene.file import load_scene
 from fe_squeal.study import engine, pools
 from tests.studies import STIFFNESS
@@ -234,6 +235,87 @@ def test_parts_of_another_study_are_refused(scene, tmp_path, capsys, monkeypatch
     assert main(["study", str(scene(SCATTER)), "-o", str(out)]) == 130
     assert main(["study", str(scene(SCATTER, 65)), "-o", str(out), "--resume"]) == 2
     assert "study.samples is 64 there and 65 here" in capsys.readouterr().err
+
+
+def failing(error):
+    """Return what stands for a chunk that cannot be solved."""
+    return lambda model, places: (_ for _ in ()).throw(error)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (NotConvergedError("no worker is left"), 3, "no worker is left; nothing was finished, and {out} is as it was"),
+        (KeyboardInterrupt(), 130, "interrupted: nothing was finished, and {out} is as it was"),
+        (SceneError("delta: given -1; expected a number > 0"), 2, "delta: given -1; expected a number > 0"),
+    ],
+)
+def test_results_make_way_when_the_first_chunk_of_new_ones_is_there(
+    scene, tmp_path, capsys, monkeypatch, error, code, said
+):
+    """Until then a study that fails, of the same kind or another one, leaves every file of the folder as it was."""
+    out = tmp_path / "out"
+    assert main(["study", str(scene(MAP)), "-o", str(out)]) == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for study in (MAP, SCATTER):
+        with monkeypatch.context() as patched:
+            patched.setattr(engine, "solve_chunk", failing(error))
+            assert main(["study", str(scene(study)), "-o", str(out)]) == code
+        assert capsys.readouterr().err.endswith(f"{said.format(out=out)}\n")
+        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    save = StageParts.save
+
+    def stop(*arguments):
+        save(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(StageParts, "save", stop)
+    assert main(["study", str(scene(SCATTER)), "-o", str(out)]) == 130
+    assert f"what was finished is in {out}, --resume goes on from there" in capsys.readouterr().err
+    assert {path.name for path in out.iterdir()} == {"study.json", "parts", "manifest.sha256"}
+
+
+def test_parts_of_another_study_stay_until_there_are_others(scene, tmp_path, monkeypatch):
+    """They belong to another scene and count for nothing, though its places are the same."""
+    out, path = tmp_path / "out", scene(MAP)
+    save = StageParts.save
+
+    def stop(*arguments):
+        save(*arguments)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(StageParts, "save", stop)
+        assert main(["study", str(path), "-o", str(out)]) == 130
+    kept = {part: part.read_bytes() for part in (out / "parts").iterdir()}
+    scipy.io.mmwrite(tmp_path / "K.mtx", sp.coo_array(4 * STIFFNESS * np.eye(2)))
+    with monkeypatch.context() as patched:
+        patched.setattr(engine, "solve_chunk", failing(NotConvergedError("no worker is left")))
+        assert main(["study", str(path), "-o", str(out)]) == 3
+    assert {part: part.read_bytes() for part in (out / "parts").iterdir()} == kept
+    assert main(["study", str(path), "-o", str(out)]) == 0
+    assert pd.read_csv(out / "map.csv")["worst_frequency_hz"].min() > 0.99 * np.sqrt(STIFFNESS) / np.pi
+
+
+def test_the_page_of_a_run_stays_until_a_study_has_its_own(scene, tmp_path, monkeypatch):
+    """A study that is stopped in its first chunk leaves it, and so does one that is stopped behind it."""
+    path, out = scene(SCATTER), tmp_path / "out"
+    path.write_text(path.read_text().replace("report = false", "report = true"))
+    assert main(["run", str(path), "-o", str(out)]) == 0
+    page = (out / "report.html").read_bytes()
+    solve, solved = engine.solve_chunk, []
+
+    def stop(model, places):
+        solved.append(len(places))
+        if len(solved) != 2:
+            raise KeyboardInterrupt
+        return solve(model, places)
+
+    monkeypatch.setattr(engine, "solve_chunk", stop)
+    for _ in range(2):
+        assert main(["study", str(path), "-o", str(out)]) == 130
+        assert (out / "report.html").read_bytes() == page
+    assert len(solved) == 3 and (out / "parts").exists()
 
 
 @pytest.mark.slow
