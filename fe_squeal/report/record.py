@@ -63,6 +63,7 @@ class StudyRecord(BaseModel):
     """Keys of study.json, of a scatter or a map."""
 
     title: str | None = None
+    kind: str | None = None
     status: str | None = None
     driver: str | None = None
     probability: _Number = None

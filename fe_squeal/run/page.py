@@ -89,8 +89,11 @@ def write_report(folder: Path, path: Path) -> tuple[str, ...]:
 def write_study_report(folder: Path, path: Path) -> tuple[str, ...]:
     """Write the page of a scatter or a map."""
     from ..report.page.study import write_study_page
+    from .checkpoint import read_json
 
-    is_map = (folder / MAP_TABLE).exists()
+    record = read_json(folder / STUDY_RECORD)
+    kind = record.get("kind") if isinstance(record, dict) else None
+    is_map = kind == "map" if kind in ("map", "scatter") else (folder / MAP_TABLE).exists()
     tables = {"boundaries": BOUNDARIES_TABLE, "map": MAP_TABLE} if is_map else _SCATTER_TABLES
     figures = {"map": MAP_FIGURE} if is_map else _SCATTER_FIGURES
     read, shown = ({name: folder / file for name, file in files.items()} for files in (tables, figures))

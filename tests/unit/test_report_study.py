@@ -12,6 +12,7 @@ from fe_squeal.report.files import write_csv, write_json
 from fe_squeal.report.map import plot_map
 from fe_squeal.report.page.study import write_study_page
 from fe_squeal.report.study import plot_indices
+from fe_squeal.run.page import write_study_report
 
 
 @pytest.fixture
@@ -116,6 +117,24 @@ def test_the_picture_has_a_bar_of_all_samples_that_are_found_unstable(tmp_path, 
     assert [text.get_text() for text in axes.get_xticklabels()][2:] == ["all up\nto 3.2", "all that\nis found"]
     assert [bar.get_height() for bar in axes.patches] == [25.0, 0.0, 25.0, 75.0]
     assert [text.get_text() for text in axes.texts][2:] == ["25 %", "≥ 75 %"]
+
+
+@pytest.mark.parametrize("status", ["complete", "running", "interrupted", "not converged"])
+@pytest.mark.parametrize(("kind", "own", "other", "nothing"), [
+    ("map", "map.csv", "bands.csv", "There are none."), ("scatter", "bands.csv", "map.csv", "No sample is unstable."),
+])  # fmt: skip
+def test_the_page_of_an_unfinished_study_says_nothing_of_what_it_did_not_solve(
+    tmp_path, kind, own, other, nothing, status
+):
+    """study.json says of which kind it is, before there is any table."""
+    write_json({"kind": kind, "status": status, "unknowns": 2, "problem_class": "real"}, tmp_path / "study.json")
+    lacks = write_study_report(tmp_path, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    body = page.split("<main")[-1].split("</main>")[0]
+    complete = status == "complete"
+    assert (nothing in body) == complete and ("Method: " in body) == complete
+    assert (f"The study is {status}." in lacks) != complete
+    assert f"{own} is missing, so it is not shown." in lacks and not any(other in sentence for sentence in lacks)
 
 
 @pytest.mark.parametrize(("known", "label"), [(3200.0, "all up\nto 3.2"), (np.inf, "all")])

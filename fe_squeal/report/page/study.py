@@ -60,7 +60,7 @@ def write_study_page(record: Path, tables: dict[str, Path], figures: dict[str, P
     lacks = left_out(record.name, wrong)
     lacks += [f"{path.name} is missing, so it is not shown." for path in (*tables.values(), *figures.values())
              if not path.exists()]  # fmt: skip
-    if said.get("status") != "complete":
+    if not _complete(said):
         lacks.append(f"The study is {said.get('status', 'not complete')}.")
     make = _map_sections if "map" in tables else _scatter_sections
     sections = [*make(said, frames, figures), ("rests", "What it rests on", _rests(said) + bullets(lacks))]
@@ -78,7 +78,7 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
         (r["parameter"], r["output"], *(_share(r[k], r[f"{k}_error"]) for k in ("first", "total")))
         for r in indices.to_dict("records")
     ]
-    dangerous = bullets(said.get("dangerous") or [])
+    dangerous = bullets(said.get("dangerous") or []) or _nothing(said, "No sample is unstable.")
     return [
         ("answer", "The answer", words + table("Probability by band", ("band", "%", "95 % interval, %"), rows)),
         ("bands", "Probability", _image(figures["probability"], "Probability of instability by band")),
@@ -86,7 +86,7 @@ def _scatter_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], fig
         ("indices", "What drives it", _image(figures["indices"], "Sobol indices") + table(
             "Sobol indices with 95 % intervals", ("parameter", "of", "alone", "with all others"), shares, 2)
             + (paragraph(_EMPTY) if "–" in {share for row in shares for share in row[2:]} else "")),
-        ("dangerous", "Samples that grow most, as scenes", dangerous or "<p>No sample is unstable.</p>"),
+        ("dangerous", "Samples that grow most, as scenes", dangerous),
     ]  # fmt: skip
 
 
@@ -143,16 +143,28 @@ def _map_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures
     left = said.get("not_followed") or []
     return [
         ("answer", "The map", words + _image(figures["map"], "Largest growth, and the boundaries of stability")),
-        ("boundaries", "Boundaries", (table("Boundaries", heads, rows[:_MOST], 2) or "<p>There are none.</p>")
+        ("boundaries", "Boundaries", (table("Boundaries", heads, rows[:_MOST], 2) or _nothing(said, "There are none."))
          + (("<h3>What could not be followed</h3>" + bullets(left[:_MOST])) if left else "")),
     ]  # fmt: skip
 
 
+def _complete(said: dict[str, Any]) -> bool:
+    return said.get("status") == "complete"
+
+
+def _nothing(said: dict[str, Any], sentence: str) -> str:
+    """Return a sentence on what a study did not find; of one that is not complete nobody knows."""
+    return f"<p>{text(sentence)}</p>" if _complete(said) else "<p>The study is not complete.</p>"
+
+
 def _rests(said: dict[str, Any]) -> str:
-    facts = [
-        f"{said.get('unknowns')} unknowns, {said.get('problem_class')} problem.", f"Method: {said.get('method')}.",
-        f"Tolerance of every eigenvalue {said.get('tolerance')}; largest estimated error {said.get('largest_error')}.",
-    ]  # fmt: skip
+    facts = [f"{said.get('unknowns')} unknowns, {said.get('problem_class')} problem."]
+    if _complete(said):
+        facts += [
+            f"Method: {said.get('method')}.",
+            f"Tolerance of every eigenvalue {said.get('tolerance')};"
+            f" largest estimated error {said.get('largest_error')}.",
+        ]
     if said.get("solved_directly") is not None:
         facts.append(f"{said['solved_directly']} of {said.get('samples')} samples were solved directly.")
     return paragraph(*facts)
