@@ -113,7 +113,8 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
             console.print(sentence, markup=False)
     for setting, why in study.left_out:
         console.print(f"left out: {setting}: {why}", markup=False)
-    console.print(f"results in {out}: report.html, accuracy.md, accuracy.png, accuracy.csv", markup=False)
+    page = f"{REPORT}, " if whole.output.report else ""
+    console.print(f"results in {out}: {page}{ACCURACY_PAGE}, {ACCURACY_FIGURE}, {ACCURACY_TABLE}", markup=False)
     return 0
 
 

@@ -137,6 +137,20 @@ def test_the_command_interrupted_writes_its_tables(tiny, tmp_path, monkeypatch, 
     assert len(pd.read_csv(tmp_path / "out" / "accuracy.csv")) == 3
 
 
+@pytest.mark.parametrize("report", [True, False])
+def test_the_command_names_the_files_that_it_wrote(tiny, tmp_path, monkeypatch, capsys, report):
+    """A page only where the scene asks for one."""
+    _, _, stop = study_with(tiny, tmp_path, monkeypatch, stop_after=3)
+    monkeypatch.setattr("fe_squeal.run.accuracy.run_study", lambda *_, **__: stop.args[0])
+    scene, out = tmp_path / "belt.toml", tmp_path / "out"
+    scene.write_text(f"{TINY}[output]\nreport = {str(report).lower()}\n")
+    assert main(["accuracy", str(scene), "-o", str(out)]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    files = {path.name for path in out.iterdir()} - {"accuracy_stages.csv", "manifest.sha256", "measurements"}
+    assert ("report.html" in files) == report
+    assert set(last.removeprefix(f"results in {out}: ").split(", ")) == files
+
+
 def test_settings_of_a_file_are_its_refinements(tiny, tmp_path):
     assert main(["mesh", str(tiny), "-o", str(tmp_path / "belt.msh")]) == 0
     text = TINY.replace("[mesh.block]", '[mesh]\nfile = "belt.msh"\n[ignored]').split("[ignored]")
