@@ -37,6 +37,8 @@ def lumped_models(
             paths = study_model(model, study, out or Path(f"lumped_{model}"))
             make_console().print("\n".join(f"wrote {p}" for p in paths), markup=False)
             return 0
+        if out is not None:
+            raise SceneError("lumped: -o says where a study goes; expected --study beside it")
         result = models.evaluate(model, models.parse_settings(given))
     except ValueError as error:
         raise SceneError(f"lumped: {error}") from error

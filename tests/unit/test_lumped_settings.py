@@ -6,6 +6,7 @@ import math
 import pytest
 from numpy.testing import assert_allclose
 
+from fe_squeal.cli import main
 from lumped import MODELS, Minimal, NineDof, evaluate, parse_settings
 from lumped.noise import name_noise
 
@@ -66,6 +67,19 @@ def test_bad_texts(texts, message):
     with pytest.raises(ValueError) as caught:
         parse_settings(texts)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("more", [["k2=20"], ["--json"], []])
+def test_what_goes_with_a_study_alone_is_refused_elsewhere(more, tmp_path, capsys):
+    """-o belongs to a study, parameters and --json to one evaluation; nothing is evaluated and nothing written."""
+    out = tmp_path / "out"
+    assert main(["lumped", "minimal", *more, "-o", str(out)]) == 2
+    said = capsys.readouterr()
+    assert said.err == "error: lumped: -o says where a study goes; expected --study beside it\n" and not said.out
+    if more:
+        assert main(["lumped", "minimal", *more, "--study", "all", "-o", str(out)]) == 2
+        assert "expected neither --set nor --json beside it" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_models_check_what_python_gives_them():
