@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 FRICTION_READINGS = ("printed", "contact", "full")
+# As in a scene: squares and products of numbers beyond would overflow or vanish.
+_TINY, _HUGE = 1e-50, 1e50
 _BOUNDS = {"positive": "a positive number", "non-negative": "zero or a positive number", "any": "a finite number"}
 
 
@@ -71,7 +73,8 @@ def check_parameters(owner: str, model: Any) -> None:
     Raises
     ------
     ValueError
-        A number is not finite or breaks its bound, or the reading of the friction force is unknown.
+        A number is not finite, breaks its bound, or is 1e50 or more in size, or 1e-50 or less where it has to be
+        positive; or the reading of the friction force is unknown.
     """
     for f in dataclasses.fields(model):
         value = getattr(model, f.name)
@@ -81,11 +84,20 @@ def check_parameters(owner: str, model: Any) -> None:
                 raise ValueError(f'{owner}: {f.name} = "{value}"{suggest(str(value), allowed)}')
             continue
         bound = f.metadata["bound"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
             raise ValueError(f"{owner}: {f.name} = {value!r}; expected {_BOUNDS[bound]} ({f.metadata['unit']})")
+        _check_size(owner, f.name, value, _TINY if bound == "positive" else 0.0)  # what may be zero may be near it
         if (bound == "positive" and value <= 0) or (bound == "non-negative" and value < 0):
             text = f"{f.name} = {value:g} {f.metadata['unit']} ({f.metadata['meaning']})"
             raise ValueError(f"{owner}: {text}; expected {_BOUNDS[bound]}")
+
+
+def _check_size(owner: str, name: str, value: float, least: float = _TINY) -> None:
+    """Raise ValueError for a number whose squares and products would overflow or vanish."""
+    if value and not least < abs(value) < _HUGE:
+        raise ValueError(
+            f"{owner}: {name} = {value!r}; expected a number between {_TINY:g} and {_HUGE:g} in size, or 0"
+        )
 
 
 def parse_settings(texts: Iterable[str]) -> dict[str, str]:
@@ -130,7 +142,8 @@ def read_settings(
     Raises
     ------
     ValueError
-        A name is unknown (the nearest one is suggested) or a value is no number.
+        A name is unknown (the nearest one is suggested), a value is no number, or one that is neither zero nor between
+        1e-50 and 1e50 in size, or `mu` is not finite.
 
     Examples
     --------
@@ -151,6 +164,8 @@ def read_settings(
         except ValueError:
             unit = "" if name == "mu" else f" ({fields[name].metadata['unit']})"
             raise ValueError(f'{owner}: {name} = "{text}"; expected a number{unit}') from None
+        if math.isfinite(values[name]):  # others are told with what the parameter may be
+            _check_size(owner, name, values[name])
     friction = values.pop("mu", mu)
     if not math.isfinite(friction):
         raise ValueError(f"{owner}: mu = {friction}; expected a finite number (negative: the belt runs backwards)")

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import fields
 
 import pytest
 from numpy.testing import assert_allclose
@@ -9,6 +10,8 @@ from numpy.testing import assert_allclose
 from fe_squeal.cli import main
 from lumped import MODELS, Minimal, NineDof, evaluate, parse_settings
 from lumped.noise import name_noise
+
+SIZE = "expected a number between 1e-50 and 1e+50 in size, or 0"
 
 
 def test_evaluate_gives_plain_numbers():
@@ -47,6 +50,13 @@ def test_degenerate_base_values():
         ("two-mass", {"cy": "-0.1"}, "cy = -0.1 N s/m (damper beside ky); expected zero or a positive number"),
         ("minimal", {"mu": "inf"}, "mu = inf; expected a finite number"),
         ("minimal", {"mu": "a"}, 'mu = "a"; expected a number'),
+        ("minimal", {"mu": "1e308"}, f"minimal: mu = 1e+308; {SIZE}"),
+        ("minimal", {"mu": "-1e50"}, f"minimal: mu = -1e+50; {SIZE}"),
+        ("minimal", {"k1": "1e300", "k2": "1e-300"}, f"minimal: k1 = 1e+300; {SIZE}"),
+        ("oscillator", {"cx": "1e200"}, f"oscillator: cx = 1e+200; {SIZE}"),
+        ("oscillator", {"theta": "-1e60"}, f"oscillator: theta = -1e+60; {SIZE}"),
+        ("two-mass", {"m2": "1e-250"}, f"two-mass: m2 = 1e-250; {SIZE}"),
+        ("two-mass", {"cy": "1e-250"}, f"two-mass: cy = 1e-250; {SIZE}"),
         ("minimal", {"friction": "contakt"}, 'friction = "contakt"; did you mean "contact"'),
         ("nine-dof", {"friction": "printed"}, 'friction = "printed"; valid: contact'),
         ("minimal", {"name": "x"}, 'no parameter "name"'),
@@ -87,6 +97,22 @@ def test_models_check_what_python_gives_them():
         Minimal(k2="20")
     with pytest.raises(ValueError, match="jb"):
         NineDof(jb=0.0)
+    with pytest.raises(ValueError, match="k2 = 1000"):
+        Minimal(k2=10**400)  # no float
+    for numbers in ({"k1": 1e50}, {"m": 1e-50}):
+        with pytest.raises(ValueError, match="expected a number between"):
+            Minimal(**numbers)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("odd", [False, True])
+def test_numbers_at_both_ends_of_what_is_allowed_give_finite_results(name, odd):
+    """Every other parameter is as large, the rest as small as it may be: nothing overflows."""
+    numbers = [f.name for f in fields(MODELS[name]) if f.metadata.get("bound", "any") != "any"]
+    settings = {key: "9.9e49" if i % 2 == odd else "1.1e-50" for i, key in enumerate(numbers)}
+    for mu in ("9.9e49", "-9.9e49", "1.1e-50", "0"):
+        json.dumps(evaluate(name, {**settings, "mu": mu}), allow_nan=False)
 
 
 def test_noise_bands():
