@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ..effects.context import ContactPart
+from ..effects.friction import Friction
 from ..fem.distortion import shape_condition
 from ..fem.places import nodes_there
 from ..fem.spaces import DisplacementSpace
@@ -45,7 +46,7 @@ def warnings_of_scene(
     """
     return [
         *suspect_units(scene, space.mesh, bodies), *_size(scene, loaded), *_materials(scene), *_locking(scene),
-        *_held(scene, loaded, space), *_gaps(scene, space), *_shapes(loaded, space, bodies),
+        *_held(scene, loaded, space), *_unread(scene), *_gaps(scene, space), *_shapes(loaded, space, bodies),
         *warnings_of_touching(scene, loaded, bodies),
     ]  # fmt: skip
 
@@ -102,6 +103,22 @@ def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterabl
         groups = [spring.group, *([spring.to] if spring.to is not None else [])]
         if all(fixed[nodes(g, spring.kind)][:, acts].all() for g in groups):
             yield f"spring {spring.name} has no effect: supports hold all of {' and '.join(groups)} in its direction"
+
+
+def _unread(scene: Scene) -> Iterable[str]:
+    for name, body in scene.bodies.items():
+        if body.axes is not None and not scene.materials[body.material].is_orthotropic:
+            yield f"bodies.{name}.axes has no effect: the material {body.material} is isotropic"
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        if "friction_ratio" not in contact.model_fields_set or not contact.friction_ratio:
+            continue
+        key = f"contacts.{name}.friction_ratio"
+        if contact.kind != "sliding":
+            yield f"{key} has no effect: the contact is {contact.kind}"
+        elif scene.effects.table(Friction) is None:
+            yield f"{key} has no effect: [effects.friction], which reads it, is not on"
+    for path in scene.idle_tables:
+        yield f"{path} has no effect: all its numbers are zero"
 
 
 def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:

@@ -54,6 +54,11 @@ class Effect(Section):
     needs: ClassVar[Mapping[str, str]] = {}
     own_of_body: ClassVar[str] = ""
 
+    @property
+    def acts(self) -> bool:
+        """Whether it changes anything with the numbers that it has."""
+        return True
+
     def check_effects(self, others: Mapping[str, Effect]) -> None:
         """Raise ValueError where the effects that are on make no sense together."""
 

@@ -31,6 +31,11 @@ class Rayleigh(Effect):
     alpha: NonNegative = 0.0
     beta: NonNegative = 0.0
 
+    @property
+    def acts(self) -> bool:
+        """Whether anything is damped."""
+        return bool(self.alpha or self.beta)
+
     def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:
         """Return the damping of a body."""
         return rayleigh_terms(self, path, body.name, body.mass, body.elastic)

@@ -119,10 +119,30 @@ class Scene(BaseScene):
 
     @property
     def effect_names(self) -> tuple[str, ...]:
-        """Names of the effects that are on, damping of single bodies included."""
-        on = self.effects.names
-        own = {name for body in self.bodies for name in self.own_tables(body)}
+        """Names of the effects that are on and do something, damping of single bodies included."""
+        on = [name for name in self.effects.on if f"effects.{name}" not in self.idle_tables]
+        own = {name for body in self.bodies for name in self.own_tables(body)
+               if f"bodies.{body}.{name}" not in self.idle_tables}  # fmt: skip
         return (*on, *(kind.name for kind in self.effects.known if kind.name in own and kind.name not in on))
+
+    @property
+    def idle_tables(self) -> tuple[str, ...]:
+        """Paths of the tables of effects that do nothing, neither as they are nor where the sweep or the study goes.
+
+        A body's own table does something where it replaces one of the whole model that does.
+        """
+        moved = [self.sweep.parameter] if self.sweep is not None else []
+        moved += self.study.names if self.study is not None else []
+        paths = [path for name in moved for path in paths_of(name)]
+
+        def acts(table: Effect, at: str) -> bool:
+            return table.acts or any(path.startswith(f"{at}.") for path in paths)
+
+        acting = {name for name, table in self.effects.on.items() if acts(table, f"effects.{name}")}
+        own = [(f"bodies.{body}.{name}", table) for body in self.bodies
+               for name, table in self.own_tables(body).items() if name not in acting]  # fmt: skip
+        idle = [f"effects.{name}" for name in self.effects.on if name not in acting]
+        return (*idle, *(at for at, table in own if not acts(table, at)))
 
     def own_tables(self, body: str) -> dict[str, Effect]:
         """Return the tables of effects that a body has of its own, by the effects' names."""

@@ -10,7 +10,7 @@ import fe_squeal
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh.building import build_mesh
 from fe_squeal.mesh.raw import CellBlock, RawMesh
-from meshes import BELT, box, join, make_problem, mapped
+from meshes import BELT, STEEL, box, join, make_problem, mapped
 
 PAD = {"surface": "bottom_a", "counterface": "top_b", "normal_stiffness": 1e12, "sliding": BELT}
 
@@ -46,6 +46,65 @@ def test_faces_that_lie_on_others_are_told_whatever_their_nodes(kind, other, cou
     (sentence,) = told(stacked(0.0))
     assert sentence.startswith(f"{count} faces of body a lie on faces of body b, and nothing joins them")
     assert told(stacked(1e-4)) == []
+
+
+FRICTION = {"friction": {"mu": 0.3}}
+IDLE = {"rayleigh": {}}
+DAMPED = {"rayleigh": {"beta": 1e-7}}
+NO_NUMBERS = "has no effect: all its numbers are zero"
+
+
+@pytest.mark.parametrize(
+    ("contact", "effects", "said"),
+    [
+        ({"friction_ratio": 3.0}, FRICTION, []),
+        ({"friction_ratio": 3.0}, {}, ["[effects.friction], which reads it, is not on"]),
+        ({"friction_ratio": 3.0, "kind": "frictionless"}, {}, ["the contact is frictionless"]),
+        ({"friction_ratio": 3.0, "kind": "tied"}, {}, ["the contact is tied"]),
+        ({"friction_ratio": 0.0, "kind": "frictionless"}, {}, []),
+        ({"kind": "frictionless"}, {}, []),
+    ],
+)  # fmt: skip
+def test_a_ratio_of_friction_that_nothing_reads_is_told(contact, effects, said):
+    found = told(blocks(), contacts=[{**PAD, "name": "pad", **contact}], effects=effects)
+    assert found == [f"contacts.pad.friction_ratio has no effect: {sentence}" for sentence in said]
+
+
+def test_axes_of_an_isotropic_material_are_told():
+    """With the same numbers as lists the material has axes, which are read."""
+    axes, tables = [[0, 1, 0], [1, 0, 0]], {"materials": {"steel": STEEL}}
+    body = {"body": {"groups": ["a", "b"], "material": "steel", "axes": axes}}
+    (sentence,) = told(blocks(), bodies=body, contacts=[PAD], **tables)
+    assert sentence == "bodies.body.axes has no effect: the material steel is isotropic"
+    E, nu = STEEL["youngs_modulus"], STEEL["poisson_ratio"]
+    lists = {"youngs_modulus": [E] * 3, "poisson_ratio": [nu] * 3, "shear_modulus": [E / (2 + 2 * nu)] * 3}
+    assert told(blocks(), bodies=body, contacts=[PAD], materials={"steel": {**STEEL, **lists}}) == []
+
+
+@pytest.mark.parametrize(
+    ("effects", "own", "more", "on", "said"),
+    [
+        (IDLE, {}, {}, (), [f"effects.rayleigh {NO_NUMBERS}"]),
+        ({}, IDLE, {}, (), [f"bodies.a.rayleigh {NO_NUMBERS}"]),
+        (DAMPED, {}, {}, ("rayleigh",), []),
+        (IDLE, DAMPED, {}, ("rayleigh",), [f"effects.rayleigh {NO_NUMBERS}"]),
+        (DAMPED, IDLE, {}, ("rayleigh",), []),  # which takes the damping of the whole model away
+        (IDLE, {}, {"sweep": {"parameter": "effects.rayleigh.beta", "from": 0.0, "to": 1e-7, "points": 2}},
+         ("rayleigh",), []),
+        (FRICTION, IDLE, {"study": {"parameters": {"bodies.a.rayleigh.beta": {"uniform": {"low": 0.0, "high": 1e-7}}}}},
+         ("friction", "rayleigh"), []),
+    ],
+)  # fmt: skip
+def test_damping_of_zero_is_told_and_is_no_effect_that_is_on(effects, own, more, on, said):
+    """Unless the sweep or the study gives it another number."""
+    data = {
+        "mesh": {"file": "x.msh", "order": 1}, "materials": {"steel": STEEL}, "contacts": [PAD], "effects": effects,
+        "bodies": {"a": {"material": "steel", **own}, "b": {"material": "steel"}}, **more,
+    }  # fmt: skip
+    scene = fe_squeal.parse_scene(data)
+    problem = fe_squeal.assemble(scene, fe_squeal.from_skfem(blocks()))
+    assert scene.effect_names == on and list(problem.discretisation.warnings) == said
+    assert any(term.slot == "C" for term in problem.terms) == (DAMPED in (effects, own))
 
 
 def test_hexahedra_on_tetrahedra_that_cut_their_faces_the_other_way_are_told():
