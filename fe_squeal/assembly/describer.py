@@ -45,9 +45,10 @@ class LaterDescriber:
 def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describer | None:
     """Return an object that says what modes look like; None if no body turns and no contact slides.
 
-    It describes them about the axis of the bodies that `[effects.rotation]` turns. Without any it is that of the first
-    sliding contact of which a body carries the counterface, or else of the first contact that slides about an axis, and
-    these bodies are taken to rotate. Where nothing turns it is the normal of the first contact of a belt.
+    It describes them about the axis of the bodies that `[effects.rotation]` turns. Without any the first sliding
+    contact decides, before those without friction, such as guides and bushes: about its axis, about which the bodies
+    that carry its counterface are taken to rotate, or along the normal of its belt. A rotation comes before a belt,
+    and a counterface with a mesh before a rigid one.
 
     Parameters
     ----------
@@ -56,19 +57,18 @@ def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describe
         Elements of each body.
     """
     masses = {name: body.mass.matrix for name, body in context.bodies.items()}
-    motions = {part.name: part.motion for part in context.contacts.values() if part.motion is not None}
-    about = [context.contacts[name] for name, motion in motions.items() if motion.centre is not None]
-    about.sort(key=lambda part: part.kind != "sliding" or not part.carriers)  # a stable sort
-    if context.motions or about:
-        motion = next(iter(context.motions.values())) if context.motions else motions[about[0].name]
-    elif motions:
-        operators = context.contacts[next(iter(motions))].operators
+    moved = [(part, part.motion) for part in context.contacts.values() if part.motion is not None]
+    moved.sort(key=lambda m: (m[0].kind != "sliding", m[1].centre is None, not m[0].carriers))  # a stable sort
+    motions = [*context.motions.values(), *(motion for _, motion in moved)]
+    if not motions:
+        return None
+    motion = motions[0]
+    if motion.centre is None:
+        operators = moved[0][0].operators
         mean = operators.weights @ operators.normals / operators.area
         normal = mean if np.linalg.norm(mean) > _ONE_SIDE else None
         return LaterDescriber(partial(make_describer, context.space, masses, bodies, (), normal, None))
-    else:
-        return None
-    rotating = {name: motions[part.name] for part in about for name in part.carriers} | dict(context.motions)
+    rotating = {name: other for part, other in moved for name in part.carriers} | dict(context.motions)
     turning = tuple(name for name in bodies if name in rotating and _is_same(rotating[name].way, motion.way))
     make = partial(make_describer, context.space, masses, bodies, turning, motion.velocity, motion.centre)
     return LaterDescriber(make)
