@@ -189,7 +189,7 @@ def test_a_full_disk_ends_in_one_sentence(tmp_path):
     """Files of at most 1 MiB stand for a full disk: another error of the system at a write, the same of MUMPS."""
     path = out_of_core(tmp_path)
     done = subprocess.run([sys.executable, "-c", LIMITED, path.name], cwd=tmp_path, capture_output=True, text=True,
-                          env=OUTSIDE)  # fmt: skip
+                          env=OUTSIDE, timeout=200)  # fmt: skip
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert "solve.mumps.folder: MUMPS could not write the factors of" in done.stderr
     assert not list((tmp_path / "files").iterdir())
