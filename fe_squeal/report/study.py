@@ -72,7 +72,7 @@ def plot_probability(
     gaps = np.maximum(np.stack([p[:, 0] - p[:, 1], p[:, 2] - p[:, 0]]), 0.0)
     axes.errorbar(x, p[:, 0], gaps, fmt="none", ecolor="black", elinewidth=1.3, capsize=5, zorder=3)
     for i, (at, value, top) in enumerate(zip(x, p[:, 0], p[:, 2], strict=True)):
-        least = "≥ " if i == len(bands) else ""
+        least = "≥ " if i == len(bands) and value < 100 else ""
         axes.annotate(f"{least}{value:.3g} %", (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=9)
     axes.set_xticks(x, labels)
     axes.set_xlabel("band of frequency (kHz)")

@@ -88,8 +88,9 @@ def _told(result: ScatterResult, known: float, lower: float, upper: float, unsta
     if found == known:
         said = f"unstable with a probability of {100 * known:.3g} % ({ends}), by {count} samples"
         return [f"{said}, up to {result.known_hz:.4g} Hz", above]
+    least = "at least " if found < 1 else ""
     return [
-        f"unstable with a probability of at least {100 * found:.3g} % ({_percent(*interval)}): {unstable} of"
+        f"unstable with a probability of {least}{100 * found:.3g} % ({_percent(*interval)}): {unstable} of"
         f" {count} samples have an unstable mode among those solved for",
         f"up to {result.known_hz:.4g} Hz, where all modes are known, the probability is {100 * known:.3g} % ({ends})",
         above,

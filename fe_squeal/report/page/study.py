@@ -106,10 +106,11 @@ def _probabilities(said: dict[str, Any], bands: pd.DataFrame) -> tuple[list[str]
     # Some samples are unstable only by modes above the frequency up to which all are known.
     ends = said.get("probability_interval")
     sure = f"{100 * ends[0]:.3g} to {100 * ends[1]:.3g}" if ends else ""
-    rows.append(("all that is found", f"at least {found:.3g}", sure))
+    least = "at least " if found < 100 else ""
+    rows.append(("all that is found", f"{least}{found:.3g}", sure))
     sure = f" (95 % interval {sure} %)" if sure else ""
     return [
-        f"Unstable with a probability of at least {found:.3g} %{sure}: {found * count / 100:.0f} of {count} samples"
+        f"Unstable with a probability of {least}{found:.3g} %{sure}: {found * count / 100:.0f} of {count} samples"
         f" have an unstable mode among those solved for. The probability is {value} % (95 % interval {interval}"
         f" %){where}, where all modes are known{above}."
     ], rows
