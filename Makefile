@@ -87,7 +87,7 @@ SITE := import site; print(site.getsitepackages()[0])
 
 .venv-lowest/installed: pyproject.toml tests/lowest.txt
 	$(PYTHON) -m venv .venv-lowest
-	.venv-lowest/bin/pip install --quiet --no-compile --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist hypothesis
+	.venv-lowest/bin/pip install --quiet --no-compile --disable-pip-version-check -c tests/lowest.txt -e ".[measured]" pytest pytest-xdist pytest-timeout hypothesis
 	@touch $@
 
 clean:

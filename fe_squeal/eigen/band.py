@@ -25,6 +25,7 @@ _BARREN, _FAR = 6, 1e3
 # Times the error of an eigenvalue, and part of it: so small a Re λ is rounding, and eigenvalues so near are one.
 _BLUR, _ROUNDING = 4, 1e-12
 _EMPTY = 0.1  # of a band: its lower part, to which its modes are looked for where the rest has none
+_AT_ZERO = 1e-8  # of a band: the square root of the rounding of its λ², below which a frequency may be zero
 _ONE_DISC = 36  # modes expected at most where a step before found none: one disc covers the next step then
 
 
@@ -93,9 +94,13 @@ def band_modes(
 def _occupied(pencil: Pencil, band: float, expected: int, linear_solver: LinearSolver | str) -> float:
     """Return the part of a band of frequencies, rad/s, that has all its modes without damping and friction.
 
-    Where a highest frequency is far above all modes, these would be within what discs do not reach at zero.
+    Where a highest frequency is far above all modes, these would be within what discs do not reach at zero. The whole
+    band is returned if all are at zero, or below, where a stiffness is negative: where these swing with gyroscopic
+    terms is not told by them.
     """
     undamped = symmetric_part(pencil)
+    if count_below(undamped, _AT_ZERO * band, linear_solver) == expected:
+        return band
     while count_below(undamped, _EMPTY * band, linear_solver) == expected:
         band *= _EMPTY
     return band

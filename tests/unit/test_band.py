@@ -11,6 +11,7 @@ from selection import crossed, some
 
 from fe_squeal.eigen.band import band_modes, count_beside
 from fe_squeal.eigen.free_modes import split_off
+from fe_squeal.eigen.multiple import rounding_of_zero
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
@@ -50,6 +51,24 @@ def test_swinging_modes_among_overdamped_ones(damper):
         assert modes.backward_error.max() < 1e-10
         left = pencil.transposed().apply(modes.lam.conj(), modes.left)
         assert np.abs(left).max() < 1e-8 * np.abs(modes.left).max() * np.abs(pencil.K.diagonal()).max()
+
+
+@pytest.mark.parametrize("stiffness", [-0.04, -1e-12])
+def test_a_band_below_all_modes_has_the_one_that_grows_alone(stiffness):
+    """The inertia counts one below any frequency, as its stiffness is negative: its λ = −c/2 + √(c²/4 − k) is real."""
+    k, c = np.linspace(1.0, 400.0, N), np.full(N, 0.1)
+    k[7] = stiffness
+    modes = solve_modes(mixed(np.ones(N), c, k), Request(max_frequency_hz=1e-3))
+    [growth] = modes.lam[modes.stability == "unstable"] if stiffness < -1e-9 else modes.lam[modes.lam.imag == 0]
+    assert growth == pytest.approx(-0.05 + np.sqrt(0.0025 - stiffness), rel=1e-9, abs=1e-9)
+
+
+def test_rounding_does_not_decide_whether_a_motion_without_force_is_at_rest():
+    """The residual of a rigid motion at a λ that should be zero is λ²Mφ: its root is |λ| once more."""
+    pencil = Pencil(*(sp.csr_array(np.diag(d)) for d in ([1.0, 1.0, 1.0], [0.0, 1.0, 2.0], [0.0, 0.0, 0.0])))
+    lam = np.array([1e-15, 1e-15j]) @ np.random.default_rng(5).standard_normal((2, 400))
+    motion = np.tile([[0.7], [0.0], [0.0]], 400) * np.exp(1j * np.linspace(0, 6, 400))
+    assert (np.abs(lam) <= rounding_of_zero(pencil, lam, motion)).all()
 
 
 def test_growing_real_eigenvalue_and_free_motion_beside_a_band():
