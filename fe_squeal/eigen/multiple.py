@@ -46,7 +46,7 @@ def rounding_of_zero(
         stiffness += np.abs(pencil.apply(lam, right))
     delta = np.einsum("ij,ij->j", np.abs(right), stiffness)
     mass = np.abs(np.einsum("ij,ij->j", right.conj(), lift(pencil.M, right)))
-    # Of a motion without any force the residual is λ²Mφ itself, and the root |λ|: rounding must not decide which is less.
+    # Of a motion without any force the residual is λ²Mφ, and its root |λ|: rounding must not decide which is less.
     root = dissipation + np.sqrt(dissipation**2 + 4 * mass * delta)
     return np.asarray((1 + _EQUAL) * 2 * delta / np.maximum(root, np.finfo(float).tiny))
 
