@@ -16,7 +16,7 @@ run: .venv/installed
 # Most tests of a module stay in one process, and so do the fixtures that they share.
 PYTEST_OPTIONS := -n 2 --dist worksteal --durations=20
 
-# What shows the mathematics: closed forms, rates, invariants, onsets, doublets, exceptional points.
+# What shows the mathematics: closed forms, rates, invariants, onsets, doublets, exceptional points (tests/selection.py).
 test: .venv/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-logo
@@ -28,7 +28,7 @@ types: .venv/installed-test
 slow: .venv/installed-test
 	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
 
-# What takes its time besides: fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
+# What is left: pages, decks, fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
 test-all: test
 	@$(MAKE) --no-print-directory -j2 types slow
 

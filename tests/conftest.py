@@ -35,12 +35,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark combinations of parameters whose values are all in others as slow, and run the longest tests first.
+    """Mark what `make test` leaves to `make test-all` as slow, and run the longest tests first.
 
-    A long test at the end would leave all cores but one idle.
+    It leaves pages, decks and folders to it, and combinations of parameters whose values are all in others. A long test
+    at the end would leave all cores but one idle.
     """
-    from selection import covering, parameters  # the folder `tests` is on sys.path only now
+    from selection import covering, is_mathematics, parameters  # the folder `tests` is on sys.path only now
 
+    for item in items:
+        if not is_mathematics(item.path):
+            item.add_marker(pytest.mark.slow)
     combinations: dict[str, list[pytest.Item]] = {}
     for item in items:
         if item.get_closest_marker("slow") is None and hasattr(item, "callspec"):

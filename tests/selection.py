@@ -1,4 +1,4 @@
-"""Choose which parameters of a test `make test` runs; the others are marked slow and run in `make test-all`.
+"""Choose which tests, and which parameters of a test, `make test` runs; the others are slow and run in `make test-all`.
 
 How many random examples a test has is chosen here as well: `make test-again` has more of them than `make test-all`.
 """
@@ -8,10 +8,20 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 from varied_imports import SEED
+
+# Names of files without "test_": what becomes of numbers in pages, pictures, decks and folders.
+_NOT_MATHEMATICS = ("report_", "decks_", "folders", "surroundings", "safety", "damaged_results", "files_within_limits",
+                    "exchanged_folders", "isolation")  # fmt: skip
+
+
+def is_mathematics(path: Path) -> bool:
+    """Return whether a file of tests is one of those whose fast tests are in `make test`."""
+    return not path.name.removeprefix("test_").startswith(_NOT_MATHEMATICS)
 
 
 def amount(usual: int, again: int) -> int:

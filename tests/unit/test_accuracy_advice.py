@@ -29,6 +29,7 @@ def test_fits_find_the_powers():
         assert fitted(table(), order, "error_onset") == pytest.approx(rate)
 
 
+@pytest.mark.slow
 def test_a_title_is_no_formula(tmp_path):
     """Two dollars in the title of a scene, of which Matplotlib would make one that it cannot draw."""
     rows, own = table().assign(modes=20, tolerance=1e-8), dict.fromkeys(QUANTITIES, 0.01)

@@ -55,6 +55,7 @@ def test_a_window_between_two_values_is_none_of_the_values(tmp_path):
     assert 0 < errors.frequency < 0.1
 
 
+@pytest.mark.slow
 def test_options_of_mumps_reach_every_solve(tmp_path, monkeypatch):
     """In a search and in a measurement; SuperLU stands in for MUMPS, whose word alone would lose the options."""
     asked = []
@@ -97,6 +98,7 @@ def test_a_trial_whose_error_is_not_known_is_nearer_than_none(tmp_path, monkeypa
     np.testing.assert_equal(trials[-1].error, errors[nearest])
 
 
+@pytest.mark.slow
 def test_nearest_of_a_resumed_search_is_told_as_such(tmp_path, monkeypatch):
     """Of the trials before the interruption there is no result any more, so that another one is written."""
     scene = load_scene(written(tmp_path, TWO))

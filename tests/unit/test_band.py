@@ -114,6 +114,7 @@ def test_growth_that_was_missed_is_counted():
     assert [count_beside(pencil, m, top, None, "auto") for m in (modes, stable)] == [0, 1]
 
 
+@pytest.mark.slow
 def test_a_crowd_is_not_counted_and_not_listed_in_part():
     """Which ones of hundreds of overdamped modes are found is chance: none is listed, and no count is claimed."""
     pencil, lam = oscillators(60.0)
@@ -124,6 +125,7 @@ def test_a_crowd_is_not_counted_and_not_listed_in_part():
     np.testing.assert_allclose(modes.lam.imag, light, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_real_growth_near_zero_and_beyond_the_band_in_a_crowd():
     k, c = np.linspace(1.0, 400.0, N) ** 1.1, np.full(N, 60.0)
     c[::EVERY] = 0.02

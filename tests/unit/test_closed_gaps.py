@@ -104,6 +104,7 @@ def test_without_a_tolerance_curved_faces_of_equal_meshes_touch():
     assert problem.discretisation.contacts["c"].coverage == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_change_by_refinement_is_not_that_of_a_lost_contact():
     """A bush whose mass hangs on a soft tie: its frequencies are those of the tie's area, which both meshes have."""
     soft = {**CONTACT, "normal_stiffness": 1e9}
@@ -124,6 +125,7 @@ def written(folder: Path, kind="hex1", around=(20, 26)):
     return fe_squeal.parse_scene(tables)
 
 
+@pytest.mark.slow
 def test_meshes_of_a_search_and_of_a_study_keep_the_contacts_of_the_first_one(tmp_path):
     scene = written(tmp_path)
     candidate = first_candidate(scene)

@@ -71,6 +71,7 @@ def test_nodes_are_held_in_their_own_axes(tmp_path, angles, held, fixed):
     assert support.values == {"nodes": "1", "fixed": fixed} and not draft.findings
 
 
+@pytest.mark.slow
 def test_oblique_axes_are_asked_for(tmp_path):
     draft = draft_of(beam(tmp_path, commands=["D,1,UX,0.,0."], angles=(30.0, 0.0, 0.0)))
     assert "D: holds 1 nodes (1, ...) in axes that NBLOCK turns" in draft.missing[0]
@@ -125,6 +126,7 @@ def free_face():
     return next((four, row) for four, row in rows if sum(set(four) <= {int(n) for n in r[10:18]} for r in solids) == 1)
 
 
+@pytest.mark.slow
 def test_loads_along_surface_elements_are_left_out(tmp_path):
     """Beside the pressure on the first face; those on solids count."""
     corners, row = free_face()

@@ -46,6 +46,7 @@ def test_moduli_that_depend_on_temperature_are_told(tmp_path, added, sentence):
     assert line.startswith(sentence) and "depends on temperature; 8000, the first value, is taken" in line
 
 
+@pytest.mark.slow
 def test_the_last_value_counts(tmp_path):
     draft = drafted(tmp_path, (END, "MP,EX,2,9000.\nMODOPT,QRDA,    30\n"))
     assert material(draft, 2)["youngs_modulus"] == 9e9 and values(draft, "solve") == [{"modes": 30}]
@@ -88,6 +89,7 @@ def test_contacts_without_separation_stay_closed(tmp_path, option, lift_off):
     assert preload.get("lift_off") == lift_off
 
 
+@pytest.mark.slow
 def test_no_separation_by_mpc_slides(tmp_path):
     draft = drafted(tmp_path, option="KEYOP,       2, 2,        2\nKEYOP,       2,12,        4\n")
     (contact,) = values(draft, "contacts")
@@ -106,6 +108,7 @@ def test_laws_of_friction_among_real_constants_are_told(tmp_path):
     assert "FACT = 1.4 and DC = 0.05" in told(draft)[0] and "12, is not simulated" in told(draft)[1]
 
 
+@pytest.mark.slow
 def test_modes_that_are_not_the_lowest_are_told(tmp_path):
     draft = drafted(tmp_path, (END, "MODOPT,QRDA,    12, 500., 9000.\n"))
     assert any(line.startswith("MODOPT at line") and "from 500. on" in line for line in told(draft))
@@ -158,6 +161,7 @@ def test_damping_of_the_whole_stiffness_is_told_where_there_are_contacts(tmp_pat
     assert "damps contacts" in finding.text
 
 
+@pytest.mark.slow
 def test_a_contact_from_both_sides_is_one(tmp_path):
     """Workbench writes the pair and its mirror, of which KEYOPT(8) = 2 lets one act."""
     text = brake()

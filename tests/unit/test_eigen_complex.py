@@ -184,6 +184,7 @@ def test_a_rigid_motion_held_by_a_dashpot_is_kept(n, place):
     assert (np.abs(modes.lam) < 1e-7).sum() == 1
 
 
+@pytest.mark.slow
 def test_modes_outside_the_law_do_not_crowd_out_oscillating_ones():
     """60 overdamped oscillators of low λ beside lightly damped ones: the 10 lowest asked for are those that swing."""
     theta, c = np.arange(1.0, N + 1), np.full(N, 0.02)

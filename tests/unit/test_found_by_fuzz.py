@@ -78,6 +78,7 @@ def test_numbers_inside_lists_and_tables_have_limits_too(tmp_path: Path, old: st
         load_scene(write_scene(tmp_path, replaced(old, new)))
 
 
+@pytest.mark.slow
 def test_sweep_without_any_mode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A loss factor of 1e38 leaves no eigenvalue that the law is meant for; `modes` was asked for, no frequency."""
     scipy.io.mmwrite(tmp_path / "M.mtx", 2 * sp.eye_array(4))

@@ -36,6 +36,7 @@ def test_kept_modes_are_those_of_the_grown_basis(kind):
         assert (away <= 1e-8 * np.abs(after.lam)).all()
 
 
+@pytest.mark.slow
 def test_a_stored_model_gives_the_kept_modes_again():
     """A resumed sweep has to give the numbers of an unbroken one, whatever the basis became after a value was met."""
     model = model_of("quadratic")

@@ -28,6 +28,7 @@ def test_same_as_in_this_process():
     np.testing.assert_allclose(there.changes, here.changes, atol=1e-6 * np.abs(here.lam).max())
 
 
+@pytest.mark.slow
 def test_failure_and_limit():
     with pytest.raises(MeshError, match='no surface group "nowhere"'):
         measure_apart(belt_scene(supports=[{"surface": "nowhere", "fixed": "z"}]), COARSE, None, False, None)

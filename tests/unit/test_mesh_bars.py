@@ -132,6 +132,7 @@ def test_an_onset_that_interpolated_matrices_lack_is_not_said_to_vanish(block, c
     assert np.isnan(estimated_error(result))  # no target is met
 
 
+@pytest.mark.slow
 def test_an_onset_that_appears_is_listed_as_such(block, changes):
     new = replace(block.onsets[0], value=0.2, branch_a=0, branch_b=None, discretisation=np.inf)
     result = with_changes(block, replace(changes, appeared=(new,)))

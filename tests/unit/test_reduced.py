@@ -135,6 +135,7 @@ def test_pair_that_couples_and_parts_within_one_step(effects):
     assert result.method.startswith("reduced")
 
 
+@pytest.mark.slow
 def test_values_asked_for_later_reuse_the_model():
     problem = chain()
     model = ReducedModel(problem, "mu", VALUES, Request(count=MODES))
@@ -251,6 +252,7 @@ def test_threads_and_seeds_do_not_matter(monkeypatch):
         np.testing.assert_array_equal(a.modes.stability, b.modes.stability)
 
 
+@pytest.mark.slow
 def test_a_mode_that_vanishes_inside_the_range_is_an_error(monkeypatch):
     """What a solver returns without a mode that was there before; what came before is kept."""
     problem = chain()

@@ -57,6 +57,7 @@ def test_the_page_is_one_file_below_its_limit(out: Path) -> None:
     assert (out / "report.html").stat().st_size < 12e6
 
 
+@pytest.mark.slow
 def test_the_answer_has_the_numbers_of_the_tables(out: Path) -> None:
     onset = pd.read_csv(out / "onsets.csv").iloc[0]
     modes = pd.read_csv(out / "modes.csv")

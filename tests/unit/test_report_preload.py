@@ -107,6 +107,7 @@ def test_arrays_that_do_not_fit_the_grid_are_refused(grid, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_open_part_is_grey_and_as_large_as_it_is():
     figure = pressure_figure({"outer": face(lambda x, y: 2.6e6 * (x - 0.25), torque=31.25)}, "brake")
     colours, drawn, extent = pixels(figure)
@@ -152,6 +153,7 @@ def test_face_of_any_orientation_is_seen_along_its_normal(axis):
     assert_nothing_overlaps(figure)
 
 
+@pytest.mark.slow
 def test_contact_without_a_closed_point():
     figure = pressure_figure({"open": face(lambda x, y: -1.0), "closed": face(lambda x, y: 3e3)})
     assert part_of(pixels(figure)[0], GREY) == 1.0 and part_of(pixels(figure, 1)[0], GREY) == 0.0

@@ -79,6 +79,7 @@ def test_preload_is_written(out: Path) -> None:
     assert (out / "preload.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_shares_are_the_same_in_all_files(out: Path) -> None:
     """contributions.csv, run.json and modes.csv tell the same of friction and dampers, and shares add up to re."""
     rows, modes = read_rows(out / "contributions.csv"), read_rows(out / "modes.csv")

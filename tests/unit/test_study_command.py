@@ -275,6 +275,7 @@ def test_results_make_way_when_the_first_chunk_of_new_ones_is_there(
     assert {path.name for path in out.iterdir()} == {"study.json", "parts", "manifest.sha256"}
 
 
+@pytest.mark.slow
 def test_parts_of_another_study_stay_until_there_are_others(scene, tmp_path, monkeypatch):
     """They belong to another scene and count for nothing, though its places are the same."""
     out, path = tmp_path / "out", scene(MAP)
@@ -297,6 +298,7 @@ def test_parts_of_another_study_stay_until_there_are_others(scene, tmp_path, mon
     assert pd.read_csv(out / "map.csv")["worst_frequency_hz"].min() > 0.99 * np.sqrt(STIFFNESS) / np.pi
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_stays_until_a_study_has_its_own(scene, tmp_path, monkeypatch):
     """A study that is stopped in its first chunk leaves it, and so does one that is stopped behind it."""
     path, out = scene(SCATTER), tmp_path / "out"

@@ -73,6 +73,7 @@ def test_numbers_that_do_not_fit_together_are_refused_before_anything_is_solved(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_sample_that_fails_says_which_and_what_is_finished_stays(tmp_path, capsys, monkeypatch):
     """Here the mesh of a geometry; a static state where a contact opens fails likewise."""
     from fe_squeal.errors import MeshError
@@ -97,6 +98,7 @@ def test_a_sample_that_fails_says_which_and_what_is_finished_stays(tmp_path, cap
     assert json.loads((out / "study.json").read_text())["status"] == "not converged"
 
 
+@pytest.mark.slow
 def test_scenes_of_samples_have_the_geometry_of_the_sample(tmp_path):
     """The file of the mesh, which is the scene's own, does not stand beside it: it would be what runs."""
     path = write(tmp_path, '"mesh.block.height" = { uniform = { low = 0.015, high = 0.03 } }')
