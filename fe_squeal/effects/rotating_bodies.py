@@ -1,23 +1,16 @@
-"""Bodies that rotate: their motions, whether the scene is the same all around their axis, what nothing holds."""
+"""Bodies that rotate: their motions, whether the scene is the same all around their axis, what they are joined to."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import SceneError
 from ..fem.motion import SteadyMotion
 from ..fem.revolution import check_revolution, check_ring, check_ring_of_nodes, is_transversal
-from ..fem.spaces import DisplacementSpace
 from ..fem.ties import Tie
-from ..problem.terms import Term
 from .context import BodyPart, Context
-
-# Against a rigid motion that is held by more than this times Ω²M, the stiffness of the centrifugal stress is small.
-_HELD = 10.0
 
 
 def motion_of_body(
@@ -168,21 +161,6 @@ def joined_to_others(context: Context) -> list[str]:
     return found
 
 
-def turning_together(context: Context) -> list[list[str]]:
-    """Return the names of the rotating bodies in groups that are joined and turn alike: each moves rigidly as one."""
-    names = list(context.motions)
-    joined = np.zeros((len(names), len(names)), bool)
-    for i, j in itertools.combinations(range(len(names)), 2):
-        pair = {names[i], names[j]}
-        joined[i, j] = turn_alike(*(context.motions[name] for name in (names[i], names[j]))) and (
-            np.isin(nodes_of_body(context, names[i]), nodes_of_body(context, names[j])).any()
-            or any(c.kind == "tied" and pair <= c.pads | c.carriers for c in context.contacts.values())
-            or any(tie.rigid and all(_holds(context, tie, name) for name in pair) for _, tie, _ in context.references)
-        )
-    labels = connected_components(joined, directed=False)[1]
-    return [[name for name, own in zip(names, labels, strict=True) if own == k] for k in np.unique(labels)]
-
-
 def _differs(motion: SteadyMotion, other: SteadyMotion | None) -> str | None:
     """Return in words how a body moves other than one that rotates; None where it rotates with it."""
     if other is None:
@@ -206,42 +184,3 @@ def check_material(body: BodyPart, motion: SteadyMotion) -> None:
             f"effects.rotation: the material of body {body.name} is not the same all around the axis; expected an"
             " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
         )
-
-
-def free_motions(
-    space: DisplacementSpace, elements: np.ndarray, motion: SteadyMotion, terms: Sequence[Term],
-    parameters: Mapping[str, float],
-) -> list[str]:  # fmt: skip
-    """Return which rigid motions of rotating bodies, to turn or to tilt, are held by nothing but their own inertia.
-
-    Against the negative K_Ω they have the stiffness of the centrifugal stress alone: with it a body that is turned
-    stays where it is, and one that is tilted wobbles with 2Ω. Without it the turned one has λ = ±Ω.
-
-    Parameters
-    ----------
-    elements : (e,) int
-        Elements of one body, or of several that move as one.
-    terms : sequence of Term
-        Terms of all bodies, springs and contacts.
-    """
-    speed = np.linalg.norm(motion.velocity)
-    axis = motion.velocity / speed
-    nodes = np.unique(space.dofs.element_dofs[:, elements])
-    x = space.coordinates[nodes]
-    middle = motion.centre + axis * ((x.mean(axis=0) - motion.centre) @ axis)
-    free = []
-    for word, across in (("turn about the axis", axis), ("tilt", np.cross(axis, np.eye(3)[np.argmin(axis**2)]))):
-        u = np.zeros((space.nodes, 3))
-        u[nodes] = np.cross(across / np.linalg.norm(across), x - middle)
-        v = space.gather(u)
-        energy = {
-            slot: sum(
-                float(v @ (t.matrix @ v)) * t.coefficient(parameters)
-                for t in terms
-                if t.slot == slot and t.symmetric and not t.imaginary
-            )
-            for slot in ("M", "K")
-        }
-        if energy["K"] < _HELD * speed**2 * energy["M"]:
-            free.append(word)
-    return free

@@ -17,16 +17,15 @@ from ..schema.section import Direction, Speed, Vector
 from .cache import Same
 from .context import BodyPart, Context
 from .effect import Effect, Outline
+from .free_rotors import free_rotors
 from .rayleigh import Rayleigh
 from .rotating_bodies import (
     check_glue,
     check_material,
     check_shape,
-    free_motions,
     joined_to_others,
     motion_of_body,
     nodes_of_body,
-    turning_together,
     unit_rotation,
 )
 from .rotating_contacts import tied_damping_terms
@@ -106,10 +105,7 @@ class Rotation(Effect):
         if motion is None:
             return []
         unit = unit_rotation(motion)
-        inertia = context.cache.get(
-            f"rotation.{body.name}", motion.way, lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit)
-        )
-        terms = rotation_terms(body.name, body.material_path, motion, inertia)
+        terms = _inertia_terms(context, body, motion)
         damped = _damping(context, body)
         if damped:
             elastic = body.elastic
@@ -150,19 +146,20 @@ class Rotation(Effect):
         found = joined_to_others(context)
         if context.table(StressStiffening) is not None:
             return found
-        for names in turning_together(context):
-            motion = context.motions[names[0]]
-            elements = np.concatenate([context.bodies[name].elements for name in names])
-            free = free_motions(context.space, elements, motion, others, parameters)
-            speed = np.linalg.norm(motion.velocity)
-            if free:
-                what = f"body {names[0]} is" if len(names) == 1 else f"bodies {', '.join(names)} are together"
-                found.append(
-                    f"effects.rotation: {what} free to {' and to '.join(free)}; without"
-                    f" [effects.stress_stiffening] its slow motions, up to some {2 * speed / (2 * np.pi):.3g} Hz, are"
-                    f" not right, and growth of up to Re λ = Ω = {speed:.4g} 1/s appears that does not exist: write"
-                    " [effects.preload] and [effects.stress_stiffening], or hold the body"
-                )
+        inertia = [t for name, motion in context.motions.items()
+                   for t in _inertia_terms(context, context.bodies[name], motion)]  # fmt: skip
+        convection = {name: next(t for t in inertia if t.name == f"convection.{name}") for name in context.motions}
+        for names, words in free_rotors(context, others, convection, parameters).items():
+            speed = np.linalg.norm(context.motions[names[0]].velocity)
+            one = len(names) == 1
+            who = f"body {names[0]} is" if one else f"bodies {', '.join(names[:-1])} and {names[-1]} together are"
+            found.append(
+                f"effects.rotation: {who} free to {' and to '.join(words)}; without"
+                f" [effects.stress_stiffening] {'its' if one else 'their'} slow motions, up to some"
+                f" {2 * speed / (2 * np.pi):.3g} Hz, are not right, and growth of up to Re λ = Ω = {speed:.4g} 1/s"
+                " appears that does not exist: write [effects.preload] and [effects.stress_stiffening], or hold"
+                f" {'the body' if one else 'them'}"
+            )
         return found
 
 
@@ -170,6 +167,14 @@ def _check(context: Context, body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
     context.cache.get(f"revolution.{body.name}", motion.way, lambda: check_shape(context, body, motion))
     check_material(body, motion)
+
+
+def _inertia_terms(context: Context, body: BodyPart, motion: SteadyMotion) -> list[Term]:
+    inertia = context.cache.get(
+        f"rotation.{body.name}", motion.way,
+        lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit_rotation(motion)),
+    )  # fmt: skip
+    return rotation_terms(body.name, body.material_path, motion, inertia)
 
 
 def rotation_terms(

@@ -6,6 +6,8 @@ the rotation, m = n against it.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -191,3 +193,15 @@ def test_growth_of_a_freely_spinning_disc_does_not_exist_and_is_said(speed):
     whole = make_problem(ring, supports=held, effects={**rotation, "preload": {}, "stress_stiffening": {}})
     assert whole.discretisation.warnings == ()
     assert np.abs(modes_of(whole, 6).lam.real).max() < 1e-3 * speed
+
+
+def test_growth_of_a_rotor_of_two_bodies_does_not_exist_either_and_is_said():
+    ring = annulus("hex2", (1, 12, 2), 0.10, 0.15, 0.02)
+    upper = ring.p[2, ring.t].mean(axis=0) > 0.01
+    ring = replace(ring, _subdomains={"disc": np.flatnonzero(~upper), "hat": np.flatnonzero(upper)})
+    rotation = {"rotation": {"bodies": ["disc", "hat"], "axis": [0, 0, 1], "speed": 300.0}}
+    bare = make_problem(ring, supports=[{"surface": "bottom", "fixed": "z"}], effects=rotation)
+    assert modes_of(bare, 6).lam.real.max() == pytest.approx(300.0, rel=1e-3)  # 12 elements around
+    [text] = bare.discretisation.warnings
+    assert "bodies disc and hat together are free to turn about the axis;" in text
+    assert "growth of up to Re λ = Ω = 300 1/s appears that does not exist" in text

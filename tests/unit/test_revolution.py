@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -191,4 +193,90 @@ def test_bodies_that_turn_as_one_are_free_as_one(joint):
     turning = {"rotation": {**ROTATION["rotation"], "bodies": ["a", "b"]}}
     problem = make_problem(mesh, order=1, effects=turning, **tables)
     [told] = [w for w in problem.discretisation.warnings if "stress_stiffening" in w]
-    assert "bodies a, b are together free to turn about the axis and to tilt" in told
+    assert "bodies a and b together are free to turn about the axis and to tilt" in told
+
+
+MIDDLE = (INNER + OUTER) / 2
+
+
+def nested(kind, inner, outer):
+    """Two rings, one in the other, with so many elements around."""
+    radii = {"a": (INNER, MIDDLE), "b": (MIDDLE, OUTER)}
+    return join(*(annulus(kind, (1, n, 1), *r, 0.02, name=name)
+                  for (name, r), n in zip(radii.items(), (inner, outer), strict=True)))  # fmt: skip
+
+
+def rotating_rings(mesh, bodies=("a", "b"), supports=(), **contact):
+    """Rings, of which both turn or one does, with a contact between them."""
+    contact = {"name": "c", "surface": "rim_a", "counterface": "hub_b", "kind": "tied", "normal_stiffness": 1e12,
+               **contact}  # fmt: skip
+    rotation = {"rotation": {**ROTATION["rotation"], "bodies": list(bodies)}}
+    return make_problem(mesh, order=1, contacts=[contact], supports=list(supports), effects=rotation)
+
+
+def free(problem):
+    """Return who is free to what, as warnings have it."""
+    return [w.removeprefix("effects.rotation: ").split(";")[0] for w in problem.discretisation.warnings if "free" in w]
+
+
+def cut(count):
+    """A ring whose layers of elements are so many bodies, which share nodes."""
+    mesh = annulus("hex1", (1, 12, 3), INNER, OUTER, 0.03)
+    layer = (mesh.p[2, mesh.t].mean(axis=0) / 0.03 * count).astype(int)
+    return replace(mesh, _subdomains={"abc"[i]: np.flatnonzero(layer == i) for i in range(count)})
+
+
+SPRINGS = [{"name": "s", "surface": "hub", "direction": [0, 0, 1.0], "stiffness": 1e9}]
+WHO = {1: "body a is", 2: "bodies a and b together are", 3: "bodies a, b and c together are"}
+
+
+@pytest.mark.parametrize("count", WHO)
+def test_a_rotor_is_as_free_in_one_body_as_in_several(count):
+    for tables, what in (
+        ({}, "turn about the axis and to tilt"), ({"springs": SPRINGS}, "turn about the axis"),
+        ({"supports": [{"surface": "top", "fixed": "xyz"}]}, None),
+    ):  # fmt: skip
+        for speed in (0.1, 300.0):
+            rotation = {"rotation": {"bodies": list("abc"[:count]), "axis": [0, 0, 1.0], "speed": speed}}
+            problem = make_problem(cut(count), order=1, effects=rotation, **tables)
+            assert free(problem) == ([] if what is None else [f"{WHO[count]} free to {what}"])
+
+
+BOTH = "turn about the axis and to tilt"
+SMOOTH = {"kind": "frictionless", "sliding": {"axis": [0, 0, 1.0], "speed": 50.0}}  # normals across the rotation
+HUB = [{"surface": "hub_a", "fixed": "xyz"}]
+
+
+@pytest.mark.parametrize(
+    ("contact", "supports", "said"),
+    [
+        ({}, [], [f"bodies a and b together are free to {BOTH}"]),
+        ({}, HUB, []),
+        # Glue that is softer than ten times Ω²M holds neither against the other.
+        ({"normal_stiffness": 1.0}, [], [f"body {b} is free to {BOTH}" for b in "ab"]),
+        ({"normal_stiffness": 1.0}, HUB, [f"body b is free to {BOTH}"]),
+        # Without friction rings turn in each other, and tilt together.
+        (
+            SMOOTH, [],
+            [*(f"body {b} is free to turn about the axis" for b in "ab"), "bodies a and b together are free to tilt"],
+        ),
+        (SMOOTH, HUB, ["body b is free to turn about the axis"]),
+    ],
+)
+def test_what_is_glued_is_free_together(contact, supports, said):
+    # Of long rings none tilts in the other.
+    mesh = mapped(nested("hex1", 12, 12), lambda x: x * np.array([[1.0], [1.0], [10.0]]))
+    assert free(rotating_rings(mesh, supports=supports, **contact)) == said
+
+
+def test_a_rotor_in_one_bearing_is_free_to_tilt_about_it():
+    """The middle moves as it tilts, which the bearing at the end lets it."""
+    mesh = mapped(annulus("hex1", (1, 12, 4), INNER, OUTER, 0.02), lambda x: x * np.array([[1.0], [1.0], [20.0]]))
+    bearings = [
+        {"name": f"{side}{i}", "surface": side, "direction": np.eye(3)[i].tolist(), "stiffness": 1e9}
+        for side in ("bottom", "top") for i in range(2)
+    ]  # fmt: skip
+    assert free(make_problem(mesh, order=1, springs=bearings[:2], effects=ROTATION)) == ["body disc is free to tilt"]
+    assert free(make_problem(mesh, order=1, springs=bearings, effects=ROTATION)) == []
+    one_way = [bearings[0], bearings[2]]
+    assert free(make_problem(mesh, order=1, springs=one_way, effects=ROTATION)) == ["body disc is free to tilt"]
