@@ -1,9 +1,10 @@
 """Error bars: from the change of an eigenvalue when the mesh is refined once to a bound of its error.
 
-Halving the size of the elements multiplies an error by 2^-q. For smooth modes q is 4 with elements of order 2 and 2
-with elements of order 1; it falls to 1 where stresses are singular, see `edges`. With Δλ the change by refining, the
-exact eigenvalue is λ + sΔλ, s = 1/(1 − 2^-q): between 16/15 and 2. Linear elements that are as thick as the part that
-they bend are so stiff that the error does not fall at its rate yet; so s goes up to 4 for order 1, which is q = 0.4.
+Halving the size of the elements multiplies an error by 2^-q. For smooth modes q is 2 with elements of order 1, 4 with
+those of order 2 and 6 with those of order 3; it falls to 1 where stresses are singular, see `edges`. With Δλ the change
+by refining, the exact eigenvalue is λ + sΔλ, s = 1/(1 − 2^-q): between 16/15 (order 3: 64/63) and 2. Linear elements
+that are as thick as the part that they bend are so stiff that the error does not fall at its rate yet; so s goes up to
+4 for order 1, which is q = 0.4.
 The bar is the largest s times |Δλ|, separately for the real and the imaginary part, with four corrections:
 
 - The error is a sum of parts with different q, and so different s. They may cancel in the change without cancelling in
@@ -42,12 +43,13 @@ from ..sweep.scale import Scale
 # Times the change, by the order of the elements: the largest s. For order 2 it is derived above. For order 1 it is the
 # smallest of 2, 3 and 4 for which the bars contain the true error of at least 97 % of the modes, and of the growing
 # modes too, on the scenes `FITTED` of benchmarks/mesh_bars.py.
-BARS = {1: 4.0, 2: 2.0}
+BARS = {1: 4.0, 2: 2.0, 3: 2.0}
 # By the order of the elements: the smallest s, the one that values are extrapolated with, and the largest s, of regular
 # parts and of singular ones. For order 1 there is no difference, and the largest s is seldom reached.
 LIMITS = {
     1: ((4 / 3, 1.4, BARS[1]), (4 / 3, 1.4, BARS[1])),
     2: ((16 / 15, 1.2, 4 / 3), (16 / 15, 23 / 15, BARS[2])),
+    3: ((64 / 63, 1.2, 4 / 3), (64 / 63, 23 / 15, BARS[3])),
 }
 # Where what holds a surface ends in a notch, see `edges`, q may be as small as 0.5 instead of 1: times all bars.
 NOTCHED = (1 - 2**-1.0) / (1 - 2**-0.5)

@@ -28,7 +28,7 @@ from .line_errors import LineErrors, line_errors
 from .own_mesh import own_mesh
 from .quantities import Split
 
-ORDER = 2  # of the elements: on every scene that was measured, order 1 takes many times as long for the same error
+_LEAST = 2  # order of the elements: on every scene measured, order 1 takes many times as long for the same error
 _FALLS = 0.8  # part of an element's share in the error that is expected to vanish when it is cut into eight
 _PARTS = 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9  # of the whole error: what the marked elements may have of it
 _EVERYWHERE = 1.5  # times the elements along every line, where no line explains the error
@@ -42,7 +42,7 @@ class Candidate:
     Attributes
     ----------
     scene : Scene
-        The scene with elements of order `ORDER` and, for a parametric mesh, with its numbers of elements.
+        The scene with elements of order 2 or 3 and, for a parametric mesh, with its numbers of elements.
     loaded : LoadedMesh
         The mesh.
     told : str
@@ -61,7 +61,7 @@ class Candidate:
 
 
 def first_candidate(scene: Scene) -> Candidate:
-    """Return the first mesh: the scene's own with elements of order 2. All later ones have its gap tolerances.
+    """Return the first mesh: the scene's own with elements of order 2 at least. Later ones have its gap tolerances.
 
     Where the scene has a geometry beside a file, it is the mesh of the geometry. A parametric mesh that the scene has
     with order 1 gets elements twice as long, and so about as many nodes as before.
@@ -73,11 +73,11 @@ def first_candidate(scene: Scene) -> Candidate:
     """
     geometry = scene.mesh.geometry
     words = "the scene's own mesh"
-    update: dict[str, object] = {"order": ORDER}
+    update: dict[str, object] = {"order": max(scene.mesh.order, _LEAST)}
     if geometry is not None:
         words = words if scene.mesh.file is None else f"the mesh of [mesh.{_key(scene)}]"
         update["file"] = None
-        if scene.mesh.order != ORDER:
+        if scene.mesh.order < _LEAST:
             words += ", elements twice as long"
             update[_key(scene)] = geometry.resized(2 * geometry.edge_length)
     mesh = scene.mesh.model_copy(update=update)
@@ -96,7 +96,7 @@ def restored(
     ValueError
         The numbers are not those of such a geometry.
     """
-    update: dict[str, object] = {"order": ORDER}
+    update: dict[str, object] = {"order": max(scene.mesh.order, _LEAST)}
     scene = scene.model_copy(update={"contacts": first_candidate(scene).scene.contacts})
     own = scene.mesh.geometry
     if (geometry is None) != (own is None):
@@ -130,8 +130,8 @@ def next_candidate(candidate: Candidate, assembly: Assembly, split: Split, targe
         return replace(found, errors=errors)
     if candidate.loaded.mesh.elem.refdom.p.shape[1] == 8:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
-    grouped = element_groups(assembly)
-    marked = marked_elements(split, lambda expected: first_order_bars(expected, *grouped) / target)
+    grouped, order = element_groups(assembly), assembly.space.order
+    marked = marked_elements(split, lambda expected: first_order_bars(expected, *grouped, order) / target)
     if len(marked) == split.parts.shape[1]:
         return _candidate(scene, refine(candidate.loaded), "every element into eight")
     loaded, _ = refine_marked(candidate.loaded, marked)
@@ -155,13 +155,15 @@ def finer_candidate(candidate: Candidate) -> Candidate:
     return _candidate(changed, read_mesh(changed), "more elements along every line")
 
 
-def first_order_bars(split: Split, names: Sequence[tuple[str, str, str]], groups: sp.csr_array) -> np.ndarray:
+def first_order_bars(
+    split: Split, names: Sequence[tuple[str, str, str]], groups: sp.csr_array, order: int
+) -> np.ndarray:  # fmt: skip
     """Return the bars (q,), relative, that changes to first order and their parts give, see `bars`.
 
-    The names and the matrix of the groups are those of `element_groups`.
+    The names and the matrix of the groups are those of `element_groups`, and the order is that of the elements.
     """
     parts = Parts.of(groups @ split.parts.reshape(len(split.names), groups.shape[1]).T, singular_groups(names))
-    return bar_of_parts(split.changes, parts, ORDER) / split.scales
+    return bar_of_parts(split.changes, parts, order) / split.scales
 
 
 def marked_elements(split: Split, missed: Callable[[Split], np.ndarray]) -> np.ndarray:
@@ -193,7 +195,7 @@ def marked_elements(split: Split, missed: Callable[[Split], np.ndarray]) -> np.n
 
 
 def _candidate(scene: Scene, loaded: LoadedMesh, words: str) -> Candidate:
-    unknowns = 3 * make_space(loaded.mesh, ORDER, []).nodes
+    unknowns = 3 * make_space(loaded.mesh, scene.mesh.order, []).nodes
     return Candidate(scene, loaded, words, unknowns)
 
 

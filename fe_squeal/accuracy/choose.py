@@ -157,7 +157,8 @@ def choose(
             corrections = right_corrections(result, refined)
             bars_take = _BARS * (time.perf_counter() - clock)
             split = split_changes(result, refined, corrections).of(kinds)
-            error = first = float(first_order_bars(split, *element_groups(refined.coarse)).max(initial=0.0))
+            grouped, order = element_groups(refined.coarse), refined.coarse.space.order
+            error = first = float(first_order_bars(split, *grouped, order).max(initial=0.0))
             if first <= _SURELY * target:
                 result = with_changes(result, changes_by(result, refined, solver, corrections))
                 error, bars_take = estimated_error(result, kinds), 0.0  # in the seconds of this mesh already

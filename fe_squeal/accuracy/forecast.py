@@ -18,7 +18,7 @@ from .settings import Setting, own_setting
 _START, _PER_UNKNOWN = 2.0, 3e-4  # s
 # MiB of the same until its modes are found, measured on brakes of 1 632 to 101 550 unknowns: of a process itself, and
 # for each unknown by the order of the elements and for each mode.
-_PROCESS, _MATRICES, _VECTORS = 150.0, {1: 0.012, 2: 0.016}, 24 * 8 / 2**20
+_PROCESS, _MATRICES, _VECTORS = 150.0, {1: 0.012, 2: 0.016, 3: 0.024}, 24 * 8 / 2**20
 _METHODS = {"reduced": 1.0, "modal": 0.6, "direct": 4.0}  # times the seconds of a reduced sweep
 _ESTIMATE = 3.0  # times the seconds of the sweep: what the estimate of the mesh's error takes in addition
 _GROWTH = 0.8  # power of the forecast work by which times grow, until two measured times of the study give it
@@ -37,7 +37,7 @@ class Forecast:
     Attributes
     ----------
     nodes : mapping of order to int
-        Number of nodes that the scene's own mesh has with elements of order 1 and 2.
+        Number of nodes that the scene's own mesh has with elements of each order of the study.
     size : float, m
         Length of the elements of this mesh.
     mesh : MeshSection or None
@@ -116,7 +116,7 @@ def forecast_of(scene: Scene) -> Forecast:
     loaded = read_mesh(scene)
     geometry = scene.mesh.geometry
     counted = scene.mesh if geometry is not None and geometry.element == "hex" else None
-    nodes = {k: make_space(loaded.mesh, k, []).nodes for k in (1, 2)}
+    nodes = {k: make_space(loaded.mesh, k, []).nodes for k in {1, 2, scene.mesh.order}}
     return Forecast(nodes, own_setting(scene, loaded).size, counted)
 
 

@@ -34,7 +34,7 @@ class Setting:
     Attributes
     ----------
     order : int
-        Order of the elements, 1 or 2.
+        Order of the elements, 1, 2 or 3.
     size : float, m
         Edge length of the elements; of a scene in other units in its unit of length.
     modes : int
@@ -108,9 +108,10 @@ def plan(scene: Scene) -> list[Setting]:
         meshes = [(own.size * factor, 0) for factor in _SIZES]
     else:
         meshes = [(own.size / 2**level, level) for level in range(_LEVELS + 1)]
+    orders = (2, 3) if scene.mesh.order == 3 else (1, 2)
     settings = [
-        replace(own, order=order, size=size, refinement=level, knob="size", estimated=order == 2)
-        for order in (1, 2)
+        replace(own, order=order, size=size, refinement=level, knob="size", estimated=order == orders[-1])
+        for order in orders
         for size, level in meshes
     ]
     base = replace(own, order=scene.mesh.order)

@@ -85,11 +85,8 @@ def _hexahedron(order: int) -> tuple[np.ndarray, np.ndarray]:
     along = np.eye(n)
     # Along one axis the nodes of the mesh itself are at the even places. The coefficient of the new function at an odd
     # place is the value there, less the value that the functions of the mesh itself have there.
-    for i in range(1, n, 2):
-        if order == 1:
-            along[i, ::2] -= [1 - t[i], t[i]]
-        else:
-            along[i, ::2] -= [(1 - t[i]) * (1 - 2 * t[i]), 4 * t[i] * (1 - t[i]), t[i] * (2 * t[i] - 1)]
+    own = np.linalg.inv(np.vander(t[::2], increasing=True))
+    along[1::2, ::2] -= np.vander(t[1::2], order + 1, increasing=True) @ own
     odd = np.arange(n) % 2 == 1
     new = np.stack([g.ravel() for g in np.meshgrid(odd, odd, odd, indexing="ij")], axis=1).astype(float)
     return np.kron(np.kron(along, along), along), new / np.maximum(new.sum(axis=1, keepdims=True), 1)

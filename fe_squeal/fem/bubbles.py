@@ -73,7 +73,7 @@ def make_bubbles(mesh: skfem.Mesh, order: int, elements: np.ndarray, held: np.nd
     held : (faces,) bool
         Faces that supports hold in any component.
     """
-    if not elements.any() or (order == 2 and mesh.refdom is not RefTet):
+    if not elements.any() or (order > 1 and mesh.refdom is not RefTet):
         return None
     one, other = mesh.f2t
     faces = np.flatnonzero((other >= 0) & elements[one] & elements[other] & ~held)

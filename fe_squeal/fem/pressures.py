@@ -6,9 +6,9 @@ what remains is the positive semidefinite stiffness in displacements alone
 
     K = ∫ 2μ ε(δu):ε(u) + λ ∫ Π(div δu) Π(div u).
 
-Pressures have the order of the displacements less one: constant, or linear in x, y, z themselves (not in reference
-coordinates, or they would lose an order on distorted hexahedra). As ν → ½ and λ → ∞ only Π div u is forced to zero; the
-error stays bounded in that limit because displacements and pressures satisfy an inf-sup condition, for which
+Pressures have the order of the displacements less one: constant, linear or quadratic in x, y, z themselves (not in
+reference coordinates, or they would lose an order on distorted hexahedra). As ν → ½ and λ → ∞ only Π div u is forced to
+zero; the error stays bounded in that limit because displacements and pressures satisfy an inf-sup condition, for which
 `fe_squeal.fem.bubbles` cares. (Boffi, Brezzi and Fortin, Mixed Finite Element Methods and Applications, 2013,
 chapter 8.)
 """
@@ -32,7 +32,7 @@ def pressure_functions(points: np.ndarray, dx: np.ndarray, order: int) -> np.nda
     Returns
     -------
     (e, i, q) float, m^-3/2
-        One function for order 1, four for order 2.
+        One function for order 1, four for order 2, ten for order 3.
 
     Examples
     --------
@@ -43,9 +43,11 @@ def pressure_functions(points: np.ndarray, dx: np.ndarray, order: int) -> np.nda
     """
     volume = dx.sum(axis=1)
     P = np.ones((len(dx), 1, dx.shape[1]))
-    if order == 2:
+    if order > 1:
         centre = np.einsum("ecq,eq->ec", points, dx) / volume[:, None]
-        P = np.concatenate([P, (points - centre[:, :, None]) / np.cbrt(volume)[:, None, None]], axis=1)
+        x = (points - centre[:, :, None]) / np.cbrt(volume)[:, None, None]
+        i, j = np.triu_indices(3)
+        P = np.concatenate([P, x, *([x[:, i] * x[:, j]] if order > 2 else [])], axis=1)
     gram = (P * dx[:, None]) @ np.swapaxes(P, 1, 2)
     return np.asarray(np.linalg.solve(np.linalg.cholesky(gram), P))
 

@@ -19,6 +19,7 @@ from ..errors import SceneError
 from ..mesh.node_sets import with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
+from .cubic import CubicDofs, ElementHex3
 from .facets import facet_points, subdivided_quadrature
 from .ties import Tie
 
@@ -27,6 +28,7 @@ _ELEMENTS = {
     (True, 2): skfem.ElementTetP2,
     (False, 1): skfem.ElementHex1,
     (False, 2): skfem.ElementHex2,
+    (False, 3): ElementHex3,
 }
 CANCELLED = 1e-12  # part of Σ|products|: thousands of rounded products that cancel leave less than that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
@@ -87,7 +89,7 @@ class DisplacementSpace:
     mesh : skfem.Mesh
         Tetrahedra or hexahedra, straight or curved.
     order : int
-        1 or 2.
+        1, 2, or, of hexahedra, 3.
     fixed : (3 nodes,) bool
         Displacements that supports hold at zero; they are not unknowns.
     bubbles : Bubbles or None
@@ -109,7 +111,7 @@ class DisplacementSpace:
     @cached_property
     def dofs(self) -> Dofs:
         """Numbering of the nodes."""
-        return Dofs(self.mesh, self.element)
+        return CubicDofs(self.mesh) if self.order == 3 else Dofs(self.mesh, self.element)
 
     @property
     def nodes(self) -> int:
@@ -248,8 +250,10 @@ class DisplacementSpace:
         Raises
         ------
         SceneError
-            Displacements of order 1 have no unknown at any of them.
+            Displacements of order 1 have no unknown at any of them, or those of order 3 none at middles of edges.
         """
+        if self.order == 3 and (places >= self.mesh.nvertices).any():
+            raise SceneError("mesh.order: given 3; expected 1 or 2, since a node set has nodes at middles of edges")
         members = np.zeros(self.nodes, bool)
         members[places[places < self.nodes]] = True
         if between and self.nodes > self.mesh.doflocs.shape[1]:
@@ -356,7 +360,7 @@ def make_space(
     ----------
     mesh : skfem.Mesh
     order : int
-        1 or 2.
+        1, 2, or, of hexahedra, 3.
     supports : list of (facets, components)
         Components are any of "x", "y", "z".
     mixed : sequence of (e,) int
@@ -367,8 +371,10 @@ def make_space(
     Raises
     ------
     SceneError
-        Nothing is free, or a node set has no unknowns.
+        Nothing is free, a node set has no unknowns, or the order is 3 for tetrahedra.
     """
+    if (mesh.refdom is RefTet, order) not in _ELEMENTS:
+        raise SceneError(f"mesh.order: given {order}; expected 1 or 2 for tetrahedra")
     space = DisplacementSpace(mesh, order, np.zeros(0, bool))
     fixed, held = np.zeros((space.nodes, 3), bool), np.zeros(mesh.nfacets, bool)
     elements = np.zeros(mesh.nelements, bool)

@@ -176,7 +176,7 @@ def mesh_shares_figure(grid: ShapeGrid, share: np.ndarray, quantity: str, title:
 
 def _surface(grid: ShapeGrid, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners (f, c, 3), m, of the faces on the surface of some cells, and the cell of each face (f,)."""
-    corners, faces = _FACES[grid.vtk_cell_type in (12, 29)]
+    corners, faces = _FACES[grid.vtk_cell_type in (12, 29, 72)]
     nodes = np.concatenate([grid.cells[cells][:, :corners][:, list(face)] for face in faces])
     owners = np.tile(cells, len(faces))
     _, index, count = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True, return_counts=True)

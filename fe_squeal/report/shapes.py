@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 
-TETRA, HEXAHEDRON, QUADRATIC_TETRA, TRIQUADRATIC_HEXAHEDRON = 10, 12, 24, 29
+TETRA, HEXAHEDRON, QUADRATIC_TETRA, TRIQUADRATIC_HEXAHEDRON, LAGRANGE_HEXAHEDRON = 10, 12, 24, 29, 72
 
 _TETRA = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
 _HEXAHEDRON = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
@@ -34,7 +34,25 @@ _DOUBLED_NODES = {
         (0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2), (1, 1, 1),
     ],
 }  # fmt: skip
-REFERENCE_NODES: dict[int, Floats] = {kind: np.array(nodes) / 2.0 for kind, nodes in _DOUBLED_NODES.items()}
+
+
+def _cubic_nodes() -> Floats:
+    """Return the nodes of a hexahedron of order 3, (64, 3), in VTK's order."""
+    a, b = 1, 2
+    around = [(a, 0), (b, 0), (3, a), (3, b), (a, 3), (b, 3), (0, a), (0, b)]
+    inside = [(i, j) for j in (a, b) for i in (a, b)]
+    return np.array([
+        *(tuple(1.5 * x for x in node) for node in _HEXAHEDRON),
+        *((i, j, k) for k in (0, 3) for i, j in around),
+        *((i, j, k) for i, j in ((0, 0), (3, 0), (3, 3), (0, 3)) for k in (a, b)),
+        *((i, j, k) for i in (0, 3) for j, k in inside), *((i, j, k) for j in (0, 3) for i, k in inside),
+        *((i, j, k) for k in (0, 3) for i, j in inside), *((i, j, k) for k in (a, b) for i, j in inside),
+    ]) / 3.0  # fmt: skip
+
+
+REFERENCE_NODES: dict[int, Floats] = {
+    **{kind: np.array(nodes) / 2.0 for kind, nodes in _DOUBLED_NODES.items()}, LAGRANGE_HEXAHEDRON: _cubic_nodes()
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -48,7 +66,7 @@ class ShapeGrid:
     cells : (ne, nn) int
         Nodes of each cell, in VTK's order, so that its volume is positive.
     vtk_cell_type : int
-        10 or 24 (linear or quadratic tetrahedron), 12 or 29 (linear or triquadratic hexahedron).
+        10 or 24 (linear or quadratic tetrahedron); 12, 29 or 72 (hexahedron of order 1, 2 or 3).
     body : (ne,) int
         Body of each cell, as a position in `body_names`.
     body_names : tuple of str
@@ -77,7 +95,7 @@ def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) ->
     Parameters
     ----------
     basis : CellBasis
-        Its element is `ElementTetP1`, `ElementTetP2`, `ElementHex1` or `ElementHex2`.
+        Its element is `ElementTetP1`, `ElementTetP2`, `ElementHex1`, `ElementHex2` or `fem.cubic.ElementHex3`.
     body : (ne,) int
         Body of each element of the basis, as a position in `body_names`.
     body_names : tuple of str
@@ -85,7 +103,7 @@ def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) ->
     Raises
     ------
     ValueError
-        The element of the basis is none of the four.
+        The element of the basis is none of these.
 
     Examples
     --------
@@ -98,7 +116,8 @@ def shape_grid(basis: CellBasis, body: Integers, body_names: tuple[str, ...]) ->
     kinds = [kind for kind, reference in REFERENCE_NODES.items() if reference.shape == nodes.shape
              and np.isin(_keys(reference), _keys(nodes)).all()]  # fmt: skip
     if not kinds:
-        raise ValueError(f"no VTK cell for {type(basis.elem).__name__}; expected scalar TetP1, TetP2, Hex1 or Hex2")
+        name = type(basis.elem).__name__
+        raise ValueError(f"no VTK cell for {name}; expected scalar TetP1, TetP2, Hex1, Hex2 or Hex3")
     reference = REFERENCE_NODES[kinds[0]]
     dofs = np.asarray(basis.element_dofs, dtype=np.int64).T
     cells = dofs[:, _match(nodes, reference)]
@@ -251,6 +270,10 @@ def _face_patterns(nodes: Floats) -> list[tuple[list[int], list[tuple[int, int, 
     def middle(*corners: int) -> int:
         return place[int(_keys(nodes[list(corners)].mean(axis=0)[None])[0])]
 
+    def at(face: Sequence[int], s: int, t: int) -> int:  # thirds along two edges of a face of order 3
+        a, b, _, d = (nodes[i] for i in face)
+        return place[int(_keys((a + s / 3 * (b - a) + t / 3 * (d - a))[None])[0])]
+
     patterns: list[tuple[list[int], list[tuple[int, int, int]]]] = []
     for face in planes:
         if len(nodes) in (4, 8):
@@ -259,6 +282,9 @@ def _face_patterns(nodes: Floats) -> list[tuple[list[int], list[tuple[int, int, 
             a, b, c = face[:3]
             ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
             cut = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        elif len(nodes) == 64:
+            cut = [(at(face, s, t), at(face, s + 1, t), at(face, s + 1, t + 1)) for s in range(3) for t in range(3)]
+            cut += [(at(face, s + 1, t + 1), at(face, s, t + 1), at(face, s, t)) for s in range(3) for t in range(3)]
         else:
             ring = [n for i in range(4) for n in (face[i], middle(face[i], face[(i + 1) % 4]))]
             cut = [(ring[i], ring[(i + 1) % 8], middle(*face)) for i in range(8)]
@@ -267,8 +293,8 @@ def _face_patterns(nodes: Floats) -> list[tuple[list[int], list[tuple[int, int, 
 
 
 def _keys(nodes: Floats) -> Integers:
-    """Return one integer for each node of a reference cell, whose coordinates are all 0, 1/2 or 1."""
-    return np.asarray(np.rint(2 * nodes) @ np.array([1, 3, 9]), dtype=np.int64)
+    """Return one integer for each node of a reference cell, whose coordinates are all multiples of 1/2 or of 1/3."""
+    return np.asarray(np.rint(6 * nodes) @ np.array([1, 7, 49]), dtype=np.int64)
 
 
 def _match(nodes: Floats, wanted: Floats) -> Integers:

@@ -23,8 +23,8 @@ class MeshSection(Section):
     allow_outside : bool
         Whether files that the mesh file includes (*INCLUDE, INPUT=, the arrays of an XDMF file) may lie outside of its
         own folder and that of the scene.
-    order : 1 or 2
-        Polynomial order of the displacements.
+    order : 1, 2 or 3
+        Polynomial order of the displacements; 3 for hexahedra alone.
     disc_pad : table
         Parametric geometry.
     block : table
@@ -47,9 +47,9 @@ class MeshSection(Section):
 
     @field_validator("order", mode="before")
     @classmethod
-    def _one_or_two(cls, value: object) -> object:
-        if type(value) is not int or value not in (1, 2):  # Literal[1, 2] lets true and 1.0 through
-            raise ValueError("expected 1 or 2")
+    def _is_an_order(cls, value: object) -> object:
+        if type(value) is not int or value not in (1, 2, 3):  # Literal[1, 2, 3] lets true and 1.0 through
+            raise ValueError("expected 1, 2, or, for hexahedra, 3")
         return value
 
     @model_validator(mode="after")

@@ -17,7 +17,8 @@ MESHES = {
     **{kind: distorted(box(kind, (2, 3, 2), (1.0, 0.8, 0.7)), 0.03) for kind in KINDS},
     "ring": annulus("hex2", (1, 8, 1), 0.1, 0.2, 0.03),
 }
-ORDERS = [(name, order) for name in MESHES for order in ((1, 2) if name in ("hex1", "tet1") else (2,))]
+ORDERS = [(name, order) for name in MESHES
+          for order in {"hex1": (1, 2, 3), "tet1": (1, 2), "ring": (2, 3)}.get(name, (2,))]  # fmt: skip
 NU = 0.499
 
 

@@ -40,8 +40,9 @@ def check(modes, changes, exact, order):
 
 @pytest.mark.parametrize(
     ("kind", "order", "cells"),
-    some([("hex1", 1, 5), ("hex1", 2, 2), ("hex2", 2, 3), ("tet1", 1, 4), ("tet1", 2, 2), ("tet2", 2, 3)],
-         lambda kind, order, _: (kind, order) in {("hex1", 1), ("hex2", 2), ("tet1", 2)}),
+    some([("hex1", 1, 5), ("hex1", 2, 2), ("hex2", 2, 3), ("hex1", 3, 2), ("tet1", 1, 4), ("tet1", 2, 2),
+          ("tet2", 2, 3)],
+         lambda kind, order, _: (kind, order) in {("hex1", 1), ("hex2", 2), ("tet1", 2), ("hex1", 3)}),
 )  # fmt: skip
 def test_block_with_sliding_faces(kind, order, cells):
     exact = sliding_block(SIZE, wave_speeds(**STEEL), 12)

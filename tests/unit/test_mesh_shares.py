@@ -36,7 +36,7 @@ def vanishing(E, seed):
     return r - E @ np.linalg.lstsq(E.T @ E, E.T @ r, rcond=None)[0]
 
 
-@pytest.mark.parametrize(("kind", "order"), [("hex", 1), ("hex", 2), ("tet", 1), ("tet", 2)])
+@pytest.mark.parametrize(("kind", "order"), [("hex", 1), ("hex", 2), ("hex", 3), ("tet", 1), ("tet", 2)])
 def test_they_add_up_to_the_whole(kind, order):
     coarse, fine = spaces(kind, order)
     E = prolongation(coarse, fine)
@@ -71,7 +71,7 @@ def test_the_prolongation_stays_what_it_is(kind):
     assert np.abs(parts).max() < 1e-10 * np.abs(rho).max()
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_function_that_is_new_along_one_axis_belongs_to_it(axis, order):
     """A kink in the middle of one element along one axis: its share is that axis's and that element layer's."""

@@ -14,6 +14,7 @@ import skfem
 import vtk
 from matplotlib import image
 
+from fe_squeal.fem.cubic import CubicDofs, ElementHex3
 from fe_squeal.report import pictures
 from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pictures import compose_figure, draw_shape
@@ -32,18 +33,24 @@ from fe_squeal.report.views import AxialView, choose_view, widest_body
 from fe_squeal.report.vtk_files import names_in, write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
-VTK_CELLS = {10: vtk.vtkTetra, 24: vtk.vtkQuadraticTetra, 12: vtk.vtkHexahedron, 29: vtk.vtkTriQuadraticHexahedron}
+VTK_CELLS = {10: vtk.vtkTetra, 24: vtk.vtkQuadraticTetra, 12: vtk.vtkHexahedron, 29: vtk.vtkTriQuadraticHexahedron,
+             72: vtk.vtkLagrangeHexahedron}  # fmt: skip
 BASES = [
     pytest.param(TET, skfem.ElementTetP1, id="tet1"),
     pytest.param(TET, skfem.ElementTetP2, id="tet2"),
     pytest.param(HEX, skfem.ElementHex1, id="hex1"),
     pytest.param(HEX, skfem.ElementHex2, id="hex2"),
+    pytest.param(HEX, ElementHex3, id="hex3"),
 ]
 
 
 def box(mesh_class, element, x, y, z, body=0, names=("box",)):
     mesh = mesh_class.init_tensor(x, y, z)
-    return shape_grid(skfem.CellBasis(mesh, element()), np.full(mesh.nelements, body), names)
+    return shape_grid(basis_of(mesh, element), np.full(mesh.nelements, body), names)
+
+
+def basis_of(mesh, element):
+    return skfem.CellBasis(mesh, element(), dofs=CubicDofs(mesh) if element is ElementHex3 else None)
 
 
 def disc_with_pad(mesh_class=HEX, element=skfem.ElementHex2):
@@ -68,8 +75,12 @@ def bending(grid, diameters, travelling=False):
 @pytest.mark.parametrize("kind", VTK_CELLS)
 def test_reference_nodes_are_vtks(kind):
     cell = VTK_CELLS[kind]()
+    if kind == 72:  # whose order follows from how many nodes it has
+        cell.GetPointIds().SetNumberOfIds(64)
+        cell.GetPoints().SetNumberOfPoints(64)
+        cell.SetUniformOrderFromNumPoints(64)
     coordinates = np.reshape(cell.GetParametricCoords()[: 3 * cell.GetNumberOfPoints()], (-1, 3))
-    np.testing.assert_array_equal(REFERENCE_NODES[kind], coordinates)
+    np.testing.assert_allclose(REFERENCE_NODES[kind], coordinates, atol=2e-16)
 
 
 @pytest.mark.parametrize(("mesh_class", "element"), BASES)
@@ -77,7 +88,7 @@ def test_reference_nodes_are_vtks(kind):
 def test_vtk_sees_positive_cells_that_fill_the_box(mesh_class, element, mirrored):
     x = np.array([0.0, 0.5, 0.7, 2.0])
     mesh = mesh_class.init_tensor(-x if mirrored else x, np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.2, 0.5]))
-    grid = shape_grid(skfem.CellBasis(mesh, element()), np.zeros(mesh.nelements, dtype=int), ("box",))
+    grid = shape_grid(basis_of(mesh, element), np.zeros(mesh.nelements, dtype=int), ("box",))
     data = pyvista.UnstructuredGrid({grid.vtk_cell_type: grid.cells}, grid.points)
     volumes = data.compute_cell_sizes(length=False, area=False)["Volume"]
     assert (volumes > 0).all()
