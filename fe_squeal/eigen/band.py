@@ -54,7 +54,8 @@ def band_modes(
         band = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
     expected = count or expected or count_below(symmetric_part(pencil), band, linear_solver)
     known.cover(0.0, band, expected or 20)
-    if count is None and expected and len(known.lam) < expected:  # overdamped ones, or far below the highest frequency
+    found = np.count_nonzero(known.lam.imag <= band) + (0 if free is None else np.count_nonzero(free.lam == 0))
+    if count is None and expected and found < expected:  # overdamped ones, or far below the highest frequency
         full = _occupied(pencil, band, expected, linear_solver)
         if full < band:
             known = KnownBand(pencil, free, linear_solver)
@@ -65,9 +66,9 @@ def band_modes(
     barren = 0
     while True:
         modes, top = known.modes(), max(known.top, band)
-        if barren >= _BARREN and _is_highest(pencil, top, linear_solver):
-            top = np.inf  # all others are overdamped: there are fewer modes than were asked for
-        wanted = select_wanted(modes, request, top)
+        # Where none swings farther up, all others are overdamped: there are fewer modes than were asked for.
+        reach = np.inf if barren >= _BARREN and _is_highest(pencil, top, linear_solver) else top
+        wanted = select_wanted(modes, request, reach)
         if wanted is not None:
             break
         inside = np.sort(modes.lam.imag[(modes.lam.imag <= top) & ~is_beside(modes)])
@@ -84,7 +85,7 @@ def band_modes(
     known.add_copies(end * (1 + _BEYOND))
     known.add_rest(end)
     modes = known.modes()
-    wanted = select_wanted(modes, request, top)
+    wanted = select_wanted(modes, request, reach)
     if wanted is None:
         raise NotConvergedError("beside real eigenvalues that grow the others are too uncertain to be told", modes)
     # Which ones of a crowd were found is chance, and another value would have others.
@@ -98,12 +99,16 @@ def _occupied(pencil: Pencil, band: float, expected: int, linear_solver: LinearS
     band is returned if all are at zero, or below, where a stiffness is negative: where these swing with gyroscopic
     terms is not told by them.
     """
-    undamped = symmetric_part(pencil)
-    if count_below(undamped, _AT_ZERO * band, linear_solver) == expected:
+    undamped, lowest, part = symmetric_part(pencil), _AT_ZERO * band, _EMPTY * band
+
+    def has_all(top: float) -> bool:
+        return count_below(undamped, top, linear_solver) == expected
+
+    if not has_all(part) or has_all(lowest):
         return band
-    while count_below(undamped, _EMPTY * band, linear_solver) == expected:
-        band *= _EMPTY
-    return band
+    while part > lowest and has_all(_EMPTY * part):
+        part *= _EMPTY
+    return part
 
 
 def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -> bool:

@@ -9,8 +9,10 @@ import pytest
 import scipy.sparse as sp
 from selection import crossed, some
 
+from fe_squeal.eigen import band
 from fe_squeal.eigen.band import band_modes, count_beside
 from fe_squeal.eigen.free_modes import split_off
+from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.multiple import rounding_of_zero
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
@@ -61,6 +63,25 @@ def test_a_band_below_all_modes_has_the_one_that_grows_alone(stiffness):
     modes = solve_modes(mixed(np.ones(N), c, k), Request(max_frequency_hz=1e-3))
     [growth] = modes.lam[modes.stability == "unstable"] if stiffness < -1e-9 else modes.lam[modes.lam.imag == 0]
     assert growth == pytest.approx(-0.05 + np.sqrt(0.0025 - stiffness), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("stiffness", [-5.0, -5e7])
+def test_growth_is_found_where_nothing_swings(stiffness):
+    """All c² > 4k: whatever number of modes is asked for, there is one, λ = −c/2 + √(c²/4 − k) of a negative k."""
+    k, c = np.linspace(1.0, 400.0, N), np.full(N, 1e3)
+    k[0] = stiffness
+    modes = solve_modes(mixed(np.ones(N), c, k), Request(count=3))
+    np.testing.assert_allclose(modes.lam, [-500 + np.sqrt(500.0**2 - stiffness)], rtol=1e-6)
+
+
+def test_free_motions_are_none_of_the_modes_that_are_missing(monkeypatch):
+    """Discs do not find them, and the inertia counts them: that alone is no reason to count in parts of the band."""
+    k, c = np.append(np.arange(10.0), np.linspace(20.0, 400.0, N - 10)), np.full(N, 0.05)
+    counts = []
+    monkeypatch.setattr(band, "count_below", lambda *given: counts.append(count_below(*given)) or counts[-1])
+    modes = solve_modes(mixed(np.ones(N), c, k), Request(max_frequency_hz=np.sqrt(9.5) / (2 * np.pi)))
+    assert counts == [10] and len(modes) == 11  # of the free one 0 and −c
+    np.testing.assert_allclose(np.sort(modes.lam.imag)[2:], np.sqrt(k[1:10] - 0.025**2), rtol=1e-9)
 
 
 def test_rounding_does_not_decide_whether_a_motion_without_force_is_at_rest():
@@ -161,6 +182,14 @@ def test_slow_modes_beside_a_wide_band(eta, slow):
         exact = exact[exact.imag <= 2 * np.pi]
         assert len(modes) == len(exact) > 10
         assert np.abs(modes.lam[:, None] - exact).min(axis=0).max() < 1e-9
+
+
+def test_modes_just_above_the_band_do_not_stand_for_slow_ones_in_it():
+    """As many lie in the discs that cover the band, but beyond its end, as the inertia counts in the band."""
+    slow, above = 1e-8 * np.linspace(1.0, 2.0, 6), np.linspace(1.01, 1.03, 6)
+    omega = np.concatenate([slow, above, np.linspace(3.0, 50.0, N - 12)])
+    modes = solve_modes(mixed(np.ones(N), 0.02 * omega, omega**2), Request(max_frequency_hz=1 / (2 * np.pi)))
+    np.testing.assert_allclose(modes.lam.imag, omega[:6] * np.sqrt(1 - 1e-4), rtol=1e-10)
 
 
 @pytest.mark.parametrize("limit", some([1e3, 1e5, 1e8], lambda limit: limit == 1e5))
