@@ -115,6 +115,16 @@ def test_a_missing_copy_of_the_highest_mode_is_counted(needs_pardiso):
         assert (result.found, result.expected, result.proven) == (found, 20, False)
 
 
+@pytest.mark.parametrize("beside", [-1e-12, 0.0, 1e-12])
+def test_rounding_does_not_decide_whether_a_mode_at_the_limit_is_counted(needs_pardiso, beside):
+    """Its frequency came out above the highest one asked for, and the inertia may find it below."""
+    pencil = Pencil(sp.eye_array(N, format="csr"), sp.csr_array(np.diag(np.arange(1.0, N + 1))), symmetric=True)
+    limit = float(np.sqrt(20.0)) * (1 + beside)
+    modes = solve_modes(pencil, Request(count=19))
+    assert prove_completeness(pencil, modes, limit=limit).proven
+    assert not prove_completeness(pencil, modes.select(np.arange(18)), limit=limit).proven
+
+
 @pytest.mark.parametrize("mixed", [False, True])
 def test_no_copy_of_a_multiple_eigenvalue_is_missing(solver, mixed):
     """θ = 1, 2, ..., each so many times: a Krylov space of one start vector has one copy, but for rounding."""
