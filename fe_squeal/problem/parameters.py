@@ -113,14 +113,18 @@ as in problem.at({"springs.left.damping": 2})
             raise SceneError(f"given {_short(name)} as the name of a parameter; expected a text, {shown}")
         if not _is_number(value):
             raise SceneError(f"{name}: given {_short(value)}; expected a finite number, {shown}")
+        rounded = float(value)  # as which fractions and long integers are rounded
         for path in paths_of(name):
-            if found.setdefault(path, float(value)) != value:
-                raise SceneError(f"{path}: given {found[path]:g} and {float(value):g}; expected one value")
+            if found.setdefault(path, rounded) != rounded:
+                raise SceneError(f"{path}: given {found[path]:g} and {rounded:g}; expected one value")
     return found
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer or a fraction beyond all that are floats
+        return False
 
 
 def _short(value: object) -> str:

@@ -6,6 +6,7 @@ import copy
 import pickle
 import re
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -165,6 +166,16 @@ def test_one_path_has_one_value_and_stands_once(problem: Problem) -> None:
     for given in ([LONG, "mu"], f"mu, {LONG}"):
         with pytest.raises(SceneError, match=r'^scene: sweep\.parameter: .*given "mu" twice; expected every path'):
             fe_squeal.parse_scene({**plain(scene), "sweep": {"parameter": given, "values": [0.0, 0.3]}})
+
+
+@pytest.mark.parametrize("value", [Fraction(1, 3), 10**17 + 1, np.longdouble("0.3")])
+def test_numbers_that_are_rounded_are_values(value: Any) -> None:
+    assert values_by_path({"mu": value, "a, b": value}) == dict.fromkeys(("mu", "a", "b"), float(value))
+
+
+def test_an_integer_beyond_all_numbers_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"^mu: given 10+\.\.\.; expected a finite number"):
+        values_by_path({"mu": 10**400})
 
 
 def test_terms_by_hand_have_powers_of_names_as_they_are_known() -> None:
