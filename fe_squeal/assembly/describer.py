@@ -9,8 +9,10 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..effects.context import Context
+from ..effects.rotating_bodies import turn_alike, unit_rotation
 from ..eigen.columns import Columns
 from ..fem.descriptors import ModeDescriber, make_describer
+from ..fem.motion import SteadyMotion
 from ..problem.description import Describer, Description
 from ..problem.terms import Term
 
@@ -68,11 +70,13 @@ def describer_of(context: Context, bodies: Mapping[str, np.ndarray]) -> Describe
         mean = operators.weights @ operators.normals / operators.area
         normal = mean if np.linalg.norm(mean) > _ONE_SIDE else None
         return LaterDescriber(partial(make_describer, context.space, masses, bodies, (), normal, None))
-    rotating = {name: other for part, other in moved for name in part.carriers} | dict(context.motions)
-    turning = tuple(name for name in bodies if name in rotating and _is_same(rotating[name].way, motion.way))
+    moving = [*context.motions.items(), *((name, other) for part, other in moved for name in part.carriers)]
+    rotating = {name for name, other in moving if _about_one_axis(other, motion)}
+    turning = tuple(name for name in bodies if name in rotating)
     make = partial(make_describer, context.space, masses, bodies, turning, motion.velocity, motion.centre)
     return LaterDescriber(make)
 
 
-def _is_same(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return len(a) == len(b) and bool(np.allclose(a, b, rtol=0, atol=1e-9))
+def _about_one_axis(a: SteadyMotion, b: SteadyMotion) -> bool:
+    rotations = a.centre is not None and b.centre is not None
+    return rotations and turn_alike(unit_rotation(a), unit_rotation(b))

@@ -242,3 +242,21 @@ def test_the_order_of_contacts_changes_no_description(guide, turned):
         found.append(problem.describer.describe(problem.terms, problem.parameters, modes_of(problem, 4).right))
     assert found[0]["nodal_diameters"] == found[1]["nodal_diameters"] and 2 in found[1]["nodal_diameters"]
     assert found[0]["out_of_plane"] == pytest.approx(found[1]["out_of_plane"], abs=1e-6)
+
+
+def test_a_centre_may_lie_anywhere_on_the_axis_about_which_contacts_turn_a_disc():
+    mesh = annulus("hex1", (2, 16, 1), INNER, OUTER, 0.02)
+    mesh = join(mesh, box("hex1", (2, 2, 1), (0.05, 0.05, 0.02), (0.1, 0.0, 0.02), "pad"))
+    mesh = join(mesh, box("hex1", (2, 2, 1), (0.05, 0.05, 0.02), (0.1, 0.0, -0.02), "below"))
+    found = []
+    for height in (0.0, 0.01):
+        sliding = {"axis": [0.0, 0.0, 1.0], "speed": 5.0, "centre": [0.0, 0.0, height]}
+        contacts = [
+            {"name": "a", "surface": "bottom_pad", "counterface": "top", "normal_stiffness": 1e9,
+             "sliding": {**sliding, "centre": [0.0, 0.0, 0.0]}},
+            {"name": "b", "surface": "top_below", "counterface": "bottom", "normal_stiffness": 1e9, "sliding": sliding},
+        ]  # fmt: skip
+        held = [{"surface": "hub", "fixed": "xyz"}]
+        problem = make_problem(mesh, 1, supports=held, contacts=contacts, effects={"friction": {"mu": 0.3}})
+        found.append(problem.describer.describe(problem.terms, problem.parameters, modes_of(problem, 8).right))
+    assert found[0]["nodal_diameters"] == found[1]["nodal_diameters"] and 2 in found[1]["nodal_diameters"]
