@@ -46,12 +46,12 @@ def scattered(
     names = (SAMPLES_TABLE, UNSTABLE_TABLE, BANDS_TABLE, INDICES_TABLE)
     for frame, name in zip((samples, modes, bands, indices), names, strict=True):
         write_csv(frame, out / name)
-    driver = driving(indices, "unstable") or driving(indices, "worst_re") or result.names[0]
+    driver = driving(indices, "unstable") or driving(indices, "worst_re")
     known, lower, upper = (float(bands[name].iloc[-1]) for name in ("probability", "lower", "upper"))
     found = result.found
     beyond = found if found[0] > known else None  # with what is found where not all modes are known
     plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz, beyond)
-    plot_scatter(samples, modes, driver, out / SCATTER_FIGURE, scene.title)
+    plot_scatter(samples, modes, driver or result.names[0], out / SCATTER_FIGURE, scene.title)
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
     dangerous = _write_dangerous(scene, result, out)
     unstable = int(samples["unstable"].sum())
@@ -64,7 +64,7 @@ def scattered(
                 f" ({100 * row['lower']:.3g} to {100 * row['upper']:.3g} %)",
                 markup=False,
             )
-    if 0 < result.probability < 1:
+    if driver is not None and 0 < result.probability < 1:
         console.print(f"driven most by {driver}", markup=False)
     console.print(result.solver.why, markup=False)
     worst = [samples[name].quantile([0.05, 0.5, 0.95]).tolist() for name in ("worst_re", "worst_damping_ratio")]

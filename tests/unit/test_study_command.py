@@ -140,6 +140,17 @@ def test_a_scatter_leads_with_all_samples_that_are_found_unstable(scene, tmp_pat
     assert f"up to {whole['high_hz']:.4g} Hz, where all modes are known, the probability is" in printed
 
 
+def test_what_drives_a_rare_instability_is_not_told(scene, tmp_path, capsys):
+    """Of few unstable samples no index is known: the parameter that is given first drives no more than the others."""
+    rare = SCATTER.replace("[study]", "[study]\nindices = false").replace("0.1 }", "0.05 }")
+    path, out = scene(rare, 16), tmp_path / "out"
+    assert main(["study", str(path), "-o", str(out)]) == 0
+    assert pd.read_csv(out / "indices.csv")[["first", "total"]].isna().all(axis=None)
+    record = json.loads((out / "study.json").read_text())
+    assert 0 < record["probability"] < 1 and record["driver"] is None
+    assert "driven most" not in capsys.readouterr().out
+
+
 def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
     out = tmp_path / "out"
     path = scene(MAP)
