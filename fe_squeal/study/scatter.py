@@ -14,7 +14,7 @@ from ..scene.faults import validated
 from ..scene.study import Distribution, StudySection
 from .outcome import COLUMNS, MODE_COLUMNS
 from .points import Scatter, sobol_points
-from .scatter_result import ScatterResult
+from .scatter_result import OWN_COLUMNS, ScatterResult
 from .solving import TRAINED, Options, Solving
 
 SAMPLES = 1000  # samples, if their number is not given
@@ -63,8 +63,8 @@ def scatter(
     Raises
     ------
     SceneError
-        The problem does not have a parameter, nothing depends on it, or its distribution reaches values that the scene
-        does not allow.
+        The problem does not have a parameter, nothing depends on it, its distribution reaches values that the scene
+        does not allow, or it is named like a column of samples.csv that is there anyway.
     NotConvergedError
         A direct solve failed, or the scheduler is gone.
 
@@ -92,6 +92,11 @@ def scatter(
     section = validated(StudySection, {"parameters": tables, "correlation": [list(c) for c in correlation]}, "scatter")
     whole = Scatter.of(section.parameters, section.correlation)
     names, d = whole.names, len(whole.names)
+    for name in names:
+        if name in OWN_COLUMNS:
+            raise SceneError(
+                f'study.parameters: given "{name}", which samples.csv has a column of its own for; expected another'
+            )
     z = whole.normals(sobol_points(samples, d, seed))
     points = whole.values(z)
     q = min(samples, max(samples // d, 64)) if indices else 0

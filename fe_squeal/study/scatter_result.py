@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+OWN_COLUMNS = ("sample", *COLUMNS, "method", "unstable_modes")  # of samples.csv, beside those of the parameters
+
+
 @dataclass(frozen=True)
 class ScatterResult:
     """Result of a scatter.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -138,6 +140,14 @@ def test_bad_input_is_told(parameters, message):
     problem = type(problem)(problem.terms, {**problem.parameters, "unused": 1.0})
     with pytest.raises(SceneError, match=message):
         scatter(problem, parameters, samples=16)
+
+
+@pytest.mark.parametrize("name", ["sample", "error", "method", "unstable_modes"])
+def test_parameters_are_not_named_like_other_columns(name):
+    """Before anything is solved: a table has no two columns of one name, and none is lost."""
+    named = [replace(term, powers={name: 1} if term.powers else {}) for term in two_modes().terms]
+    with pytest.raises(SceneError, match=f'given "{name}", which samples.csv has a column of its own for'):
+        scatter(Problem(tuple(named), {name: 0.1}), {name: UNIFORM["mu"]}, 8, progress=lambda *_: pytest.fail("solved"))
 
 
 def test_correlations_that_contradict_each_other_are_refused():
