@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..errors import suggest
-from ..problem.parameters import paths_of
+from ..problem.parameters import parameter_name, paths_of
 from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
@@ -107,10 +107,10 @@ class MatrixScene(BaseScene):
     @model_validator(mode="after")
     def _consistent(self) -> MatrixScene:
         for name in self.parameters:
-            if not name or "," in name:
+            if "," in name or not (known := parameter_name(name)):
                 raise ValueError(f'parameters: given the name "{name}"; expected one not empty, and without a comma')
-            if paths_of(name) != [name]:
-                raise ValueError(f'parameters: given the name "{name}"; expected "{paths_of(name)[0]}", as it is known')
+            if known != name:
+                raise ValueError(f'parameters: given the name "{name}"; expected "{known}", as it is known')
         for i, term in enumerate(self.terms):
             for name, exponent in term.powers.items():
                 if name not in self.parameters:

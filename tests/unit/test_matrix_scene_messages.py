@@ -79,6 +79,8 @@ def other(section: str, old: str, new: str) -> str:
         ([MASS, STIFFNESS], {"parameters": '[parameters]\n"effects.friction.mu" = 1.0\n'},
          'parameters: given the name "effects.friction.mu"; expected "mu", as it is known'),
         ([MASS, STIFFNESS], {"parameters": '[parameters]\n" a" = 1.0\n'}, 'given the name " a"; expected "a", as it'),
+        *(([MASS, STIFFNESS], {"parameters": f'[parameters]\n"{name}" = 1.0\n'},
+           f'given the name "{name}"; expected one not empty, and without a comma') for name in (" ", "parameters.")),
         ([MASS, STIFFNESS], {"parameters": "[parameters]\nmu = nan\n"}, "parameters.mu: given nan; expected a finite"),
         ([MASS, FRICTION], {"tail": other(SWEEP, '"mu"', '"nu"')},
          'sweep.parameter: given "nu", which is no parameter'),
