@@ -120,9 +120,9 @@ class Scene(BaseScene):
     @property
     def effect_names(self) -> tuple[str, ...]:
         """Names of the effects that are on and do something, damping of single bodies included."""
-        on = [name for name in self.effects.on if f"effects.{name}" not in self.idle_tables]
-        own = {name for body in self.bodies for name in self.own_tables(body)
-               if f"bodies.{body}.{name}" not in self.idle_tables}  # fmt: skip
+        idle = set(self.idle_tables)
+        on = [name for name in self.effects.on if f"effects.{name}" not in idle]
+        own = {name for body in self.bodies for name in self.own_tables(body) if f"bodies.{body}.{name}" not in idle}
         return (*on, *(kind.name for kind in self.effects.known if kind.name in own and kind.name not in on))
 
     @property

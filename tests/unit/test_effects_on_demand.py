@@ -11,6 +11,7 @@ from selection import some
 from fe_squeal import parse_scene
 from fe_squeal.effects import EFFECTS, rotating_bodies
 from fe_squeal.effects.effect import Effect
+from fe_squeal.effects.rayleigh import Rayleigh
 from fe_squeal.effects.rotating_bodies import motion_of_body
 from fe_squeal.errors import InputError, SceneError
 from fe_squeal.scene.contacts import SlidingSection
@@ -221,3 +222,10 @@ def test_effects_are_told():
     assert parse_scene(scene).effect_names == ()
     assert parse_scene({**scene, "bodies": own}).effect_names == ("rayleigh",)
     assert parse_scene({**scene, "effects": {"structural_damping": {}}}).effect_names == ("structural_damping",)
+
+
+def test_effects_of_many_bodies_are_found_in_one_pass(monkeypatch):
+    own = {f"b{i}": {"material": "s", "rayleigh": {"alpha": 1.0}} for i in range(40)}
+    scene, asked = parse_scene({"mesh": {"file": "x.msh"}, "materials": {"s": STEEL}, "bodies": own}), []
+    monkeypatch.setattr(Rayleigh, "acts", property(lambda table: asked.append(table) or True))
+    assert scene.effect_names == ("rayleigh",) and len(asked) == 40
