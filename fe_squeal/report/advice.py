@@ -124,7 +124,9 @@ def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
         return [f"{what}: not known: {vanished}."] if vanished else []
     rows = frame[frame["knob"].isin(["size", "adapted"]) & np.isfinite(frame[quantity])]
     told = [_advised(rows, target, quantity) for target in TARGETS]
-    return [*told, f"{what}: {vanished}, so that its error is not known: it is not compared."] if vanished else told
+    if vanished:
+        told.append(f"{what}: {vanished}, so that what vanishes has no known error: it is not compared.")
+    return told
 
 
 def _advised(rows: pd.DataFrame, target: float, quantity: str) -> str:

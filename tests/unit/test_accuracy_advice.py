@@ -59,7 +59,7 @@ def test_what_the_refined_mesh_does_not_have_is_told_and_no_mesh_advised_for_it(
     assert advice(frame, "error_onset") == [f"Critical values: not known: {gone}."]
     assert len(advice(frame, "error_growth")) == 3
     *_, last = advice(frame, "error_frequency")
-    assert last.startswith("Frequencies: 2 of them vanish when the finest mesh is refined, so that")
+    assert last.startswith("Frequencies: 2 of them vanish when the finest mesh is refined, so that what vanishes has")
     own = {"error_frequency": np.nan, "error_growth": 0.02, "error_onset": np.nan}
     text = accuracy_page(frame, own, "order 2, 7 mm", False, (), "")
     assert "uncertain by growth rates 2 %; frequencies: not known: 2 of them vanish when" in text
