@@ -101,7 +101,8 @@ def _study(
         found = differences(record.get("inputs"), inputs)
         if found:
             raise SceneError(
-                f"{out}: the finished study is another one: {joined_differences(found)}; expected the same one"
+                f"{out}: the finished study is another one: {joined_differences(found)}; expected the same one: start"
+                " anew without --resume, or give another folder by -o"
             )
         if scene.output.report and (parts.exists or not (out / REPORT).exists()):
             write_study_report(out, out / REPORT)  # which an interruption behind the tables has left missing or old

@@ -274,6 +274,8 @@ def test_results_make_way_when_the_first_chunk_of_new_ones_is_there(
             assert main(["study", str(scene(study)), "-o", str(out)]) == code
         assert capsys.readouterr().err.endswith(f"{said.format(out=out)}\n")
         assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert main(["study", str(scene(SCATTER)), "-o", str(out), "--resume"]) == 2  # of which there is nothing
+    assert "expected the same one: start anew without --resume, or give another folder" in capsys.readouterr().err
     save = StageParts.save
 
     def stop(*arguments):
