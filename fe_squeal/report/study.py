@@ -33,11 +33,13 @@ def short_name(parameter: str) -> str:
 
 
 def driving(indices: pd.DataFrame, output: str) -> str | None:
-    """Return the parameter with the largest total index of an output, or else first-order index; None if unknown."""
+    """Return the parameter with the largest total index of an output, or else first-order index.
+
+    The largest is known where all are: None where no index has that.
+    """
     rows = indices[indices["output"] == output]
-    column = "total" if rows["total"].notna().any() else "first"
-    known = rows[rows[column].notna()].sort_values(column, ascending=False)
-    return None if not len(known) else str(known["parameter"].iloc[0])
+    known = [column for column in ("total", "first") if len(rows) and rows[column].notna().all()]
+    return str(rows.sort_values(known[0], ascending=False)["parameter"].iloc[0]) if known else None
 
 
 def _figure(width: float, height: float, title: str) -> Figure:

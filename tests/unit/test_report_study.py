@@ -11,7 +11,7 @@ from fe_squeal.report import study
 from fe_squeal.report.files import write_csv, write_json
 from fe_squeal.report.map import plot_map
 from fe_squeal.report.page.study import write_study_page
-from fe_squeal.report.study import plot_indices
+from fe_squeal.report.study import driving, plot_indices
 from fe_squeal.run.page import write_study_report
 
 
@@ -42,6 +42,19 @@ def test_the_label_of_a_boundary_stands_where_no_other_one_is(tmp_path, drawn):
         (own_x, own_y), (_, other_y) = text.xy, (text.xy[0], 1.0 - text.xy[1])
         assert abs(own_y - other_y) > 0.05
         assert 0.05 < own_x < 0.95
+
+
+@pytest.mark.parametrize(
+    ("first", "total", "most"),
+    [
+        ([0.7, 0.2], [0.3, 0.8], "b"), ([0.7, 0.2], [np.nan, np.nan], "a"), ([np.nan, np.nan], [0.1, 0.9], "b"),
+        ([0.7, 0.2], [np.nan, 0.0], "a"), ([np.nan] * 2, [np.nan, 0.0], None), ([np.nan] * 2, [np.nan] * 2, None),
+    ],
+)  # fmt: skip
+def test_what_drives_most_is_known_where_the_indices_of_all_are(first, total, most):
+    """One that changes no sample has the index 0, and where those of the others are not known it is no largest one."""
+    indices = pd.DataFrame({"parameter": ["a", "b"], "output": "unstable", "first": first, "total": total})
+    assert driving(indices, "unstable") == most and driving(indices, "worst_re") is None
 
 
 @pytest.mark.parametrize("grows", [False, True])
