@@ -56,7 +56,7 @@ def band_modes(
     known.cover(0.0, band, expected or 20)
     found = np.count_nonzero(known.lam.imag <= band) + (0 if free is None else np.count_nonzero(free.lam == 0))
     if count is None and expected and found < expected:  # overdamped ones, or far below the highest frequency
-        full = _occupied(pencil, band, expected, linear_solver)
+        full = _occupied(pencil, band, linear_solver)
         if full < band:
             known = KnownBand(pencil, free, linear_solver)
             known.cover(0.0, full, expected)
@@ -92,17 +92,18 @@ def band_modes(
     return wanted.select(np.flatnonzero(is_needed(wanted))) if known.crowded else wanted
 
 
-def _occupied(pencil: Pencil, band: float, expected: int, linear_solver: LinearSolver | str) -> float:
+def _occupied(pencil: Pencil, band: float, linear_solver: LinearSolver | str) -> float:
     """Return the part of a band of frequencies, rad/s, that has all its modes without damping and friction.
 
     Where a highest frequency is far above all modes, these would be within what discs do not reach at zero. The whole
     band is returned if all are at zero, or below, where a stiffness is negative: where these swing with gyroscopic
-    terms is not told by them.
+    terms is not told by them. So is it where they cannot be counted.
     """
     undamped, lowest, part = symmetric_part(pencil), _AT_ZERO * band, _EMPTY * band
+    whole = count_below(undamped, band, linear_solver)
 
     def has_all(top: float) -> bool:
-        return count_below(undamped, top, linear_solver) == expected
+        return whole is not None and count_below(undamped, top, linear_solver) == whole
 
     if not has_all(part) or has_all(lowest):
         return band
