@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem
+from selection import some
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -97,7 +98,7 @@ def test_inertia_of_a_ring():
     np.testing.assert_allclose(R.T @ (M @ R), expected, atol=3e-5 * expected.max())
 
 
-@pytest.mark.parametrize(("name", "order"), ORDERS)
+@pytest.mark.parametrize(("name", "order"), some(ORDERS, lambda _, order: order < 3))
 def test_same_matrices_as_scikit_fem(name, order):
     """skfem.models.elasticity with a vector element on the same quadrature: equal to rounding, 1e-12.
 

@@ -134,10 +134,10 @@ def test_groups_are_listed_where_elements_are_inverted(tmp_path, capsys):
 
 def test_all_faults_of_a_scene_are_shown(tmp_path, capsys):
     text = replaced("density =", "densty =").replace("modes = 8", "mode = 8").replace("mu = 0.3", 'mu = "a"')
-    text = text.replace('fixed = "xyz"', 'fixed = "w"').replace("order = 1", "order = 3")
+    text = text.replace('fixed = "xyz"', 'fixed = "w"').replace("order = 1", "order = 4")
     code, _, err = checked(capsys, write_scene(tmp_path, text))
     assert code == 2 and "more)" not in err and err.count("\n") == 1
-    keys = ("materials.steel.densty", "solve.mode: unknown", 'effects.friction.mu: given "a"', "mesh.order: given 3")
+    keys = ("materials.steel.densty", "solve.mode: unknown", 'effects.friction.mu: given "a"', "mesh.order: given 4")
     for key in keys:
         assert key in err
 
