@@ -22,8 +22,9 @@ from .quantities import Split
 # By the order of the elements: the error along a line falls like 1/(number of elements)^rate. In theory the rate is 2
 # for order 1, 4 for order 2 and 6 for order 3 where modes are smooth, and less at the edges of contacts and clamps. The
 # first mesh is given a rate between these; once two meshes are known, their errors tell the rate, which is kept within
-# the limits.
-_RATES = {1: 1.5, 2: 2.5, 3: 3.5}
+# the limits. Order 3 has the rate of order 2, since what is left of its errors is mostly at such edges: with 3.5 the
+# second mesh of examples/disc_pad.toml missed its target.
+_RATES = {1: 1.5, 2: 2.5, 3: 2.5}
 _LIMITS = {1: (0.7, 2.0), 2: (1.0, 4.0), 3: (1.0, 6.0)}
 # Where stresses are singular errors fall to this power alone: 1.4 in theory at a clamped edge of steel; 1.4 and 1.7
 # seen at the hub of a disc, with order 2. Where a support holds the end of a graded line, the error sits in the element
