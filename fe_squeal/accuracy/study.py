@@ -120,8 +120,8 @@ def run_study(
 ) -> Study:
     """Run the settings of a study, in the order of `by_information`, and meshes that go where the error is.
 
-    The scene's own mesh with elements of order 2 is adapted to its error, and the mesh that comes from it once more; an
-    adapted mesh is measured next.
+    The scene's own mesh with elements of the higher order is adapted to its error, and the mesh that comes from it once
+    more; an adapted mesh is measured next.
     A setting whose measurement is in the store already is not solved again. A setting that fails is left out.
 
     Parameters

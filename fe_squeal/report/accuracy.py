@@ -95,12 +95,13 @@ def accuracy_page(
     lines += ["", "## Rates", ""]
     lines += ["| quantity | order | error ~ size to the |", "|---|---|---|"]
     for quantity, words in QUANTITIES.items():
-        for order in (1, 2):
+        for order in (1, 2, 3):
             fit = fitted(frame, order, quantity)
             if fit is not None:
                 lines.append(f"| {words} | {order} | {fit:.2f} |")
-    lines += ["", "Smooth modes give 2 for order 1 and 4 for order 2; edges of contacts, clamped edges and re-entrant"
-              " corners, where stresses are singular, take order 2 down to between 1 and 3.", ""]  # fmt: skip
+    higher = "orders 2 and 3" if (frame["order"] == 3).any() else "order 2"
+    lines += ["", f"Smooth modes give twice the order; edges of contacts, clamped edges and re-entrant corners, where"
+              f" stresses are singular, take {higher} down to between 1 and 3.", ""]  # fmt: skip
     lines += ["## Measured", "", _table(frame), ""]
     if (frame["knob"] == "adapted").any():
         lines += [

@@ -40,7 +40,9 @@ class ChartLine:
 
 LINES = (
     ChartLine("size", 1, "size, order 1", "o", "#0072b2"), ChartLine("size", 2, "size, order 2", "s", "#d55e00"),
+    ChartLine("size", 3, "size, order 3", "P", "#cc79a7"),
     ChartLine("adapted", 2, "adapted to the error, order 2", "*", "#009e73"),
+    ChartLine("adapted", 3, "adapted to the error, order 3", "X", "#56b4e9"),
     ChartLine("method", None, "direct", "D"), ChartLine("modes", None, "modes, modal projection", "^"),
     ChartLine("tolerance", None, "tolerance, reduced", "v"),
 )  # fmt: skip
@@ -114,7 +116,7 @@ def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
 
 
 def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
-    """Return a sentence for each target: the fastest order and size that met it, and the fastest of the other order.
+    """Return a sentence for each target: the fastest order and size that met it, and the fastest of the others.
 
     Nothing is extrapolated: if no row of the table meets a target, the row with the smallest error is named. A sentence
     says what is not known since the refined mesh does not have it. There is none where the table has no errors.
