@@ -85,3 +85,11 @@ def test_tetrahedra_and_nodes_at_middles_of_edges_are_refused():
     np.testing.assert_allclose(space.coordinates[space.nodes_at(corners)], space.mesh.doflocs.T[corners], atol=1e-15)
     with pytest.raises(SceneError, match="a node set has nodes at middles of edges"):
         space.nodes_at(np.array([0, space.mesh.nvertices]))
+
+
+def test_a_node_set_of_corners_holds_what_is_between_them():
+    mesh = box("hex1", (2, 2, 2))
+    corners = np.flatnonzero(np.abs(mesh.p[0]) < 1e-12)
+    space = make_space(mesh, 3, [], points=[(corners, "xyz")])
+    held = space.fixed.reshape(-1, 3).all(axis=1)
+    assert held.sum() == 49 and np.abs(space.coordinates[held, 0]).max() < 1e-15
