@@ -211,7 +211,8 @@ def _solve_sparse(
         if wanted is not None and np.isinf(reach):
             return wanted
         if wanted is not None and pencil.problem_class != "symmetric":
-            limit = float(wanted.lam.imag.max(initial=0.0)) or _lowest(modes, abs(sigma) ** 0.5)
+            far = abs(sigma) if pencil.C is not None else abs(sigma) ** 0.5  # a shift of λ with C, of θ without
+            limit = float(wanted.lam.imag.max(initial=0.0)) or _lowest(modes, far)
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
             del operator  # and its factors, before there are others
