@@ -96,8 +96,8 @@ def _occupied(pencil: Pencil, band: float, linear_solver: LinearSolver | str) ->
     """Return the part of a band of frequencies, rad/s, that has all its modes without damping and friction.
 
     Where a highest frequency is far above all modes, these would be within what discs do not reach at zero. The whole
-    band is returned if all are at zero, or below, where a stiffness is negative: where these swing with gyroscopic
-    terms is not told by them. So is it where they cannot be counted.
+    band is returned if all are at zero, or unstable since a stiffness is negative, because that does not tell at which
+    frequencies gyroscopic terms let them swing. It is returned too where modes cannot be counted.
     """
     undamped, lowest, part = symmetric_part(pencil), _AT_ZERO * band, _EMPTY * band
     whole = count_below(undamped, band, linear_solver)
