@@ -100,7 +100,10 @@ def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
     """Return the cells of the grid on the given points, with the cell array `body`."""
     import pyvista
 
-    data = pyvista.UnstructuredGrid({grid.vtk_cell_type: grid.cells}, points)
+    # Each cell is preceded by its number of nodes. In a dictionary of cells, older versions of pyvista refuse Lagrange cells.
+    count, nodes = grid.cells.shape
+    cells = np.column_stack([np.full(count, nodes), grid.cells]).ravel()
+    data = pyvista.UnstructuredGrid(cells, np.full(count, grid.vtk_cell_type, dtype=np.uint8), points)
     data.cell_data["body"] = grid.body.astype(np.int32)
     return data
 

@@ -30,7 +30,7 @@ from fe_squeal.report.shapes import (
     sharp_edges,
 )
 from fe_squeal.report.views import AxialView, choose_view, widest_body
-from fe_squeal.report.vtk_files import names_in, write_animation, write_shape
+from fe_squeal.report.vtk_files import names_in, unstructured_grid, write_animation, write_shape
 
 TET, HEX = skfem.MeshTet, skfem.MeshHex
 VTK_CELLS = {10: vtk.vtkTetra, 24: vtk.vtkQuadraticTetra, 12: vtk.vtkHexahedron, 29: vtk.vtkTriQuadraticHexahedron,
@@ -89,7 +89,7 @@ def test_vtk_sees_positive_cells_that_fill_the_box(mesh_class, element, mirrored
     x = np.array([0.0, 0.5, 0.7, 2.0])
     mesh = mesh_class.init_tensor(-x if mirrored else x, np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.2, 0.5]))
     grid = shape_grid(basis_of(mesh, element), np.zeros(mesh.nelements, dtype=int), ("box",))
-    data = pyvista.UnstructuredGrid({grid.vtk_cell_type: grid.cells}, grid.points)
+    data = unstructured_grid(grid, grid.points)
     volumes = data.compute_cell_sizes(length=False, area=False)["Volume"]
     assert (volumes > 0).all()
     # 1e-6: VTK keeps some of its quadrature points of quadratic cells in single precision
