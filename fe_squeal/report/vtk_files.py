@@ -100,7 +100,7 @@ def unstructured_grid(grid: ShapeGrid, points: Any) -> pyvista.UnstructuredGrid:
     """Return the cells of the grid on the given points, with the cell array `body`."""
     import pyvista
 
-    # Each cell is preceded by its number of nodes. In a dictionary of cells, older versions of pyvista refuse Lagrange cells.
+    # Each cell is preceded by its number of nodes. Older versions of pyvista refuse Lagrange cells in a dictionary.
     count, nodes = grid.cells.shape
     cells = np.column_stack([np.full(count, nodes), grid.cells]).ravel()
     data = pyvista.UnstructuredGrid(cells, np.full(count, grid.vtk_cell_type, dtype=np.uint8), points)
