@@ -8,12 +8,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from .kernel import kernel_within
+from .multiple import ROUNDING
 from .pencil import FreeMotions, Modes, Pencil
 from .request import is_beside
 
 # Of the largest ratio of diagonal stiffness to mass, which is about the highest θ: far below any elastic mode, and far
 # above what rounding makes of a zero.
 _RIGID_SHIFT = 1e-9
+_ROUNDINGS = 16  # times the rounding of one sum: that of a factorisation
 _PENALTY = 1e6  # a ratio so many times the median is that of a penalty, which stands for an infinite stiffness
 # Damping ratio up to which every mode below the wanted frequency is found. Of more heavily damped modes those alone are
 # found that happen to lie near the shift: to reach for all of them would take many more modes than are asked for.
@@ -24,7 +26,7 @@ BEHIND = 0.59
 BELOW = 0.05  # how far below zero the shift lies, as a frequency, in parts of the frequency where the wanted modes end
 
 
-def shift_below(pencil: Pencil, band: float | None) -> float:
+def shift_below(pencil: Pencil, band: float | None, free: np.ndarray | None = None) -> float:
     """Return a shift σ of θ = −λ² just below zero.
 
     From there the nearest eigenvalues are all those of |θ| up to a limit: flutter, and divergence (θ < 0) too. A band
@@ -34,11 +36,14 @@ def shift_below(pencil: Pencil, band: float | None) -> float:
     ----------
     band : float or None, rad/s
         About where the wanted modes end, if that is known.
+    free : (n, k), optional
+        Motions that nothing holds. Stiff links between moving parts, such as penalties, leave rounding of large forces
+        in place of their θ = 0: the shift lies below it, so that none of them counts as a divergence.
     """
-    highest = _largest_ratio(pencil)
+    highest, rounding = _largest_ratio(pencil), 0.0 if free is None else _rounding_of_zero(pencil, free)
     if band is None:
-        return -_RIGID_SHIFT * (highest or 1.0)
-    return -((BELOW * min(band, float(np.sqrt(highest or np.inf)))) ** 2)
+        return -max(_RIGID_SHIFT * (highest or 1.0), rounding)
+    return -max((BELOW * min(band, float(np.sqrt(highest or np.inf)))) ** 2, rounding)
 
 
 def distance_to_nearest(pencil: Pencil, modes: Modes, sigma: float) -> float:
@@ -111,6 +116,13 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     if pencil.free is None:
         return symmetric
     return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
+
+
+def _rounding_of_zero(pencil: Pencil, Z: np.ndarray) -> float:
+    """Return what rounding may make of θ = 0 of motions Z (n, k), rad²/s²: Σ|z||K||z| over Σ zMz, with a margin."""
+    mass = np.sum(Z * (pencil.M @ Z), axis=0)
+    parts = np.sum(np.abs(Z) * (abs(pencil.K) @ np.abs(Z)), axis=0)
+    return float((_ROUNDINGS * ROUNDING * parts[mass > 0] / mass[mass > 0]).max(initial=0.0))
 
 
 def _largest_ratio(pencil: Pencil) -> float | None:

@@ -180,8 +180,10 @@ def _solve_sparse(
         assert modes is not None
         return modes
     sought = count + max(4, count // 10)
-    sigma, moves = shift_below(pencil, band), 0
-    if pencil.C is not None:
+    moves = 0
+    if pencil.C is None:
+        sigma = shift_below(pencil, band, None if free is None else free.right)
+    else:
         # Structural damping reaches every mode, so that heavily damped ones count, too. A real positive shift sees all
         # that grows up to the band's end, and no mode is near it.
         sigma = BEHIND * (band or _undamped_band(pencil, request, linear_solver))
@@ -265,8 +267,9 @@ def _undamped_band(pencil: Pencil, request: Request, linear_solver: LinearSolver
     """Return about where the wanted modes end, rad/s: the highest of as many modes without damping and friction."""
     count = min(max(request.count or 1, 2), pencil.n - 2)
     undamped = symmetric_part(pencil)
-    sigma = shift_below(undamped, None)
-    operator, _ = _shifted(undamped, sigma, split_off(undamped, linear_solver), linear_solver)
+    free = split_off(undamped, linear_solver)
+    sigma = shift_below(undamped, None, None if free is None else free.right)
+    operator, _ = _shifted(undamped, sigma, free, linear_solver)
     try:
         theta, _ = operator.largest_symmetric(count, "LM", _ROUGHLY)
     except NotConvergedError as error:  # whose modes are not those of the pencil

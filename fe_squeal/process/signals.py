@@ -5,8 +5,10 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from types import FrameType
 
 _ENDS = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -36,7 +38,7 @@ def stopped_by_signals() -> Iterator[list[int]]:
         with suppress(ValueError):  # not in the main thread
             before[number] = signal.signal(number, lambda number, frame: _interrupt(number, frame, caller, came))
     hook = sys.unraisablehook
-    sys.unraisablehook = lambda ignored: _again(came[-1]) if _is_of(ignored, came) else hook(ignored)
+    sys.unraisablehook = partial(_ignored, came, hook)
     try:
         yield came
     finally:
@@ -61,9 +63,13 @@ def uncovered(came: list[int]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None, caller: FrameType, came: list[int]) -> None:
-    """Raise KeyboardInterrupt, or have the signal sent again a little later if `caller` is importing something."""
+    """Raise KeyboardInterrupt, or have the signal sent again a little later.
+
+    That is while `caller` is importing something, and where Python tells of an interruption that it ignores: it would
+    ignore another one there too.
+    """
     while frame is not None and frame is not caller:
-        if frame.f_code.co_filename == _IMPORTING:
+        if frame.f_code.co_filename == _IMPORTING or frame.f_code is _ignored.__code__:
             _again(number)
             return
         frame = frame.f_back
@@ -71,15 +77,29 @@ def _interrupt(number: int, frame: FrameType | None, caller: FrameType, came: li
     raise KeyboardInterrupt
 
 
-def _is_of(ignored: sys.UnraisableHookArgs, came: list[int]) -> bool:
-    return ignored.exc_type is KeyboardInterrupt and bool(came)
+def _ignored(came: list[int], hook: Callable[[sys.UnraisableHookArgs], object], what: sys.UnraisableHookArgs) -> None:
+    """Have the last signal sent again if what Python ignores is an interruption by it; else call the usual hook."""
+    if what.exc_type is KeyboardInterrupt and came:
+        _again(came[-1])
+    else:
+        hook(what)
 
 
 def _again(number: int) -> None:
-    """Send a signal a little later."""
-    again = threading.Timer(_WAIT, _send, (number,))
-    again.daemon = True  # a program that ends meanwhile does not wait for it
-    again.start()
+    """Send a signal a little later.
+
+    On a busy machine a thread may take long to start. The time counts from when it has, so that the signal does not
+    come while this function is still waiting for that.
+    """
+    started = threading.Event()
+
+    def send() -> None:
+        started.wait()
+        time.sleep(_WAIT)
+        _send(number)
+
+    threading.Thread(target=send, daemon=True).start()  # a program that ends meanwhile does not wait for it
+    started.set()
 
 
 def _send(number: int) -> None:

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from scene_texts import environment, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.errors import InputError
+from fe_squeal.process import signals
 from fe_squeal.process.signals import signals_deferred, stopped_by_signals
 from fe_squeal.report.files import save_figure
 
@@ -168,6 +170,41 @@ def test_a_signal_in_a_finalizer_is_not_lost(number: signal.Signals, capsys: pyt
     finally:
         signal.signal(number, before)
     assert sys.unraisablehook is hook and capsys.readouterr().err == ""
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_finalizer_is_not_lost_where_threads_start_slowly(
+    number: signal.Signals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = threading.Thread.start
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: (start(thread), time.sleep(0.1)))
+    test_a_signal_in_a_finalizer_is_not_lost(number, capsys)
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_another_signal_while_one_is_sent_again_is_sent_again_too(
+    number: signal.Signals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def again(number: int) -> None:
+        calls.append(number)
+        if len(calls) == 1:
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+
+    monkeypatch.setattr(signals, "_again", again)
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with stopped_by_signals():
+            thrown = Finalised(number)
+            del thrown
+            time.sleep(0.01)
+    finally:
+        signal.signal(number, before)
+    assert calls == [number, number] and capsys.readouterr().err == ""
 
 
 @POSIX

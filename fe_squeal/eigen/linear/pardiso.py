@@ -14,7 +14,7 @@ from ...errors import NotConvergedError
 from ..memory import require_memory
 from ..mkl import library
 from .factor import DefiniteFactor, Factor, LinearSolver, SingularError, solve_real_parts
-from .refinement import RANGE, largest_part
+from .refinement import RANGE, largest_part, residual_of_products
 
 # PARDISO's numbers of the matrix types, by (symmetric, complex).
 _TYPES = {(True, False): -2, (False, False): 11, (True, True): 6, (False, True): 13}
@@ -101,10 +101,12 @@ class PardisoFactor:
         require_memory(1024 * int(self._iparm[16]), self._n)  # the analysis has the rest already
         self._call(22, np.zeros((self._n, 1)))
         if symmetric and not definite and self._iparm[13]:
-            # A soft spring behind a stiff one leaves small pivots that are right: keep them, unless that does not help.
+            # A soft spring behind a stiff one leaves small pivots that are right: they are kept, unless smaller ones are
+            # left and solves become worse. A free body leaves one that is zero but for rounding, beside right ones.
+            before = self._unsolved(A)
             self._iparm[9] = _SMALL_PIVOT
             self._call(22, np.zeros((self._n, 1)))
-            if self._iparm[13]:
+            if self._iparm[13] and self._unsolved(A) > before:
                 self._iparm[9] = iparm_before
                 self._call(22, np.zeros((self._n, 1)))
         # A perturbed pivot (iparm(14)) leaves its sign open.
@@ -130,6 +132,13 @@ class PardisoFactor:
         if self._symmetric:
             return self._apply(0, b.conj()).conj()
         return self._apply(_ADJOINT, b)
+
+    def _unsolved(self, A: sp.csr_array) -> float:
+        """Return what solves leave of right-hand sides that a singular matrix has solutions for as well."""
+        try:
+            return residual_of_products(A, self.solve)
+        except SingularError:
+            return np.inf
 
     def _apply(self, which: int, b: np.ndarray) -> np.ndarray:
         self._iparm[11] = which

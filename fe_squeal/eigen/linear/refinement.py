@@ -44,6 +44,18 @@ def refined(A: sp.csr_array, solve: Solve, b: np.ndarray, rho: float) -> np.ndar
     return np.asarray(x.reshape(b.shape))
 
 
+def residual_of_products(A: sp.csr_array, solve: Solve) -> float:
+    """Return the relative residual ‖b − AB⁻¹b‖/‖b‖ of b = Ax, where B⁻¹ is what `solve` applies, for random x (n,).
+
+    The largest of a few. Rows are weighed by the diagonal of A (n, n), as in `contraction`; unlike there, b has no part
+    that a singular A cannot give, so that it tells good factors from poor ones where both are of nearly singular ones.
+    """
+    unit = _units(A)
+    b = _product(A, np.random.default_rng(_SEED).standard_normal((A.shape[0], _COLUMNS)) * unit[:, None])
+    rest = _sizes(b - _product(A, solve(b)), unit)
+    return float((rest / np.maximum(_sizes(b, unit), _TINY)).max())
+
+
 def in_single(A: sp.csr_array) -> sp.csr_array:
     """Return a matrix in single precision, which shares its indices; itself where numbers are too large or too small.
 
