@@ -101,7 +101,7 @@ class PardisoFactor:
         require_memory(1024 * int(self._iparm[16]), self._n)  # the analysis has the rest already
         self._call(22, np.zeros((self._n, 1)))
         if symmetric and not definite and self._iparm[13]:
-            # A soft spring behind a stiff one leaves small pivots that are right: they are kept, unless smaller ones are
+            # A soft spring behind a stiff one leaves small pivots that are right: they are kept unless smaller ones are
             # left and solves become worse. A free body leaves one that is zero but for rounding, beside right ones.
             before = self._unsolved(A)
             self._iparm[9] = _SMALL_PIVOT
