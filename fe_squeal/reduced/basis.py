@@ -169,7 +169,8 @@ class ReducedBasis(SampledErrors):
             inside = self._in_metric(parts, lambda p: (p.VAX + p.VATX) / 2)
             whole = self._in_metric(parts, lambda p: (p.XAX + p.XAX.T) / 2)
             gram = whole - inside.T @ inside
-            outside = gram.diagonal() / np.maximum(whole.diagonal(), np.finfo(float).tiny)
+            length = whole.diagonal()  # squared; of a motion that P hardly resists, rounding may have made it negative
+            outside = np.divide(gram.diagonal(), length, out=np.zeros(len(length)), where=length > 0)
             long = (outside > _RANK) & (gram.diagonal() > threshold**2)
             known = known + inside
             if (outside[long] > _CLEAR).all():

@@ -12,6 +12,7 @@ from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import Factor, LinearSolver
 from ..eigen.pencil import Pencil
+from ..errors import NotConvergedError
 from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.terms import sum_matrices
@@ -19,7 +20,7 @@ from .basis import ReducedBasis
 from .vectors import DEPENDENT, normalising, thin_svd
 
 _TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
-_SEED, _BLOCK, _STEPS = 20251107, 8, 5
+_SEED, _BLOCK, _STEPS, _MOST = 20251107, 8, 5, 40
 SOFT_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 _RANK = 1e-13  # eigenvalue of VᵀMV for vectors of unit mass: directions below are not taken off
 
@@ -67,7 +68,7 @@ def vectors_beside(
     if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
         return None
     factor = factorize_roughly(lambda: sp.csr_array(soft.K - c * soft.M), True, linear_solver)
-    return soft_vectors(basis.V, M, K, soft, c, factor)
+    return soft_vectors(basis.V, M, K, soft, c, factor, counted)
 
 
 def _symmetric_part(problem: Problem) -> Pencil:
@@ -80,7 +81,7 @@ def _symmetric_part(problem: Problem) -> Pencil:
 
 
 def soft_vectors(
-    V: Columns, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor
+    V: Columns, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor, counted: int | None = None
 ) -> np.ndarray:  # fmt: skip
     """Return vectors u that a basis V lacks of the space in which uᵀ(K_s − cM)u < 0.
 
@@ -100,12 +101,21 @@ def soft_vectors(
     c : float, rad²/s²
     factor : Factor
         Factors of K_s − cM.
+    counted : int, optional
+        How many θ < c there are. The iteration goes on until it has as many; without it, it ends after `_STEPS` steps.
 
     Returns
     -------
     (n, k) float
+
+    Raises
+    ------
+    NotConvergedError
+        Fewer soft directions than were counted are found.
     """
     mass, T = soft.M, normalising(M, np.flatnonzero(M.diagonal() > 0), _RANK)
+    VKV = T.T @ K @ T
+    known = int(np.count_nonzero(la.eigvalsh(VKV) < c))
 
     def outside(X: np.ndarray, W: np.ndarray) -> np.ndarray:
         MX = times(mass, X)
@@ -113,17 +123,21 @@ def soft_vectors(
 
     W = np.zeros((len(V), 0))
     block = np.random.default_rng(_SEED).standard_normal((len(V), _BLOCK))
-    for _ in range(_STEPS):
+    for step in range(1, _MOST + 1):
         X = factor.solve(times(mass, block))
         X = outside(outside(X, W), W)
         gram = cross(X, times(mass, X))
         block = X @ normalising(gram, np.flatnonzero(gram.diagonal() > 0), DEPENDENT)
+        W = np.hstack([W, block])
+        if block.shape[1] and step % _STEPS:
+            continue
+        KW = times(soft.K, W)
+        VKW = T.T @ cross(V, KW)
+        theta, y = la.eigh(np.block([[VKV, VKW], [VKW.T, cross(W, KW)]]))
+        below = theta < c
+        more = max(int(np.count_nonzero(below)) - known, 0)
+        if counted is None or known + more >= counted:
+            return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, :more])
         if not block.shape[1]:
             break
-        W = np.hstack([W, block])
-    KW = times(soft.K, W)
-    VKW, VKV = T.T @ cross(V, KW), T.T @ K @ T
-    theta, y = la.eigh(np.block([[VKV, VKW], [VKW.T, cross(W, KW)]]))
-    below = theta < c
-    more = np.count_nonzero(below) - np.count_nonzero(la.eigvalsh(VKV) < c)
-    return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, : max(int(more), 0)])
+    raise NotConvergedError(f"{counted} soft directions are counted where the reduced model finds {known + more}")

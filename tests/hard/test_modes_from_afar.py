@@ -78,6 +78,12 @@ def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
 
 
+def test_soft_directions_are_searched_for_until_there_are_as_many_as_counted(monkeypatch):
+    """One step of the search is hardly ever enough, and as many as there are as a rule were not from every start."""
+    monkeypatch.setattr("fe_squeal.reduced.soft._STEPS", 1)
+    test_friction_that_softens_modes_far_beyond_the_range("divergence", 0.0, (1.0,))
+
+
 @pytest.mark.parametrize("values", some([((1.0,),), ((0.0, 1.0),)], lambda values: len(values) == 1))
 @pytest.mark.parametrize(("omega", "gyro"), [(8.0, 20.0), (20.0, 130.0)])
 def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, values):
