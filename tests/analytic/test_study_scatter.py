@@ -159,8 +159,8 @@ def test_correlations_that_contradict_each_other_are_refused():
         Scatter.of(three, [("mu", "delta", 0.9), ("delta", "c", 0.9), ("mu", "c", -0.9)])
 
 
-# Of 60 intervals that hold the truth with a probability of 95 %, fewer do once in a million times. Of intervals that are
-# half as long, and hold it with 67 %, fewer do nine times in ten.
+# Of 60 intervals that hold the truth with a probability of 95 %, fewer do once in a million times. Of intervals half as
+# long, which hold it with 67 %, fewer do nine times in ten.
 SURE = binom.ppf(1e-6, 60, 0.95) / 60
 FAMILIES = {
     "linear": (0.8, lambda x: 2 * x[:, 0] + x[:, 1]),
