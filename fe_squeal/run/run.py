@@ -97,7 +97,8 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     mesh = scene_mesh(scene)
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(held)
-    if resume and is_finished(out, checkpoint, inputs) and not (estimate and not is_estimated(out)):
+    finished = resume and is_finished(out, checkpoint, inputs)
+    if finished and (is_estimated(out) or not estimate):
         if scene.output.report and (checkpoint.exists or not (out / REPORT).exists()):
             write_run_report(out, out / REPORT)  # which an interruption behind the tables has left missing or old
         checkpoint.remove()
@@ -112,7 +113,9 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         done, spent = checkpoint.progress()
         console.print(f"resuming: {done} of {len(values)} values are finished", markup=False)
     else:
-        if resume:
+        if finished:
+            console.print(f"the results in {out} have no errors of the mesh: the run starts anew", markup=False)
+        elif resume:
             console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
         spent = 0.0
         remove_results(held)

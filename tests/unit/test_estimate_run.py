@@ -28,7 +28,9 @@ def test_bars_in_the_tables_and_after_a_resume(tmp_path, capsys):
     assert main(run) == 0
     bars, onsets = columns(out)
     assert bars.isna().all(axis=None) and onsets.isna().all() and len(onsets)
+    capsys.readouterr()
     assert main([*run, "--resume", "--estimate"]) == 0  # finished, but without what is asked for now
+    assert "have no errors of the mesh: the run starts anew" in " ".join(capsys.readouterr().out.split())
     bars, onsets = columns(out)
     assert (bars.notna().all(axis=1).mean()) > 0.8 and (bars.fillna(0.0) >= 0).all(axis=None)
     assert "estimate" in json.loads((out / "run.json").read_text("utf-8"))["seconds"]
