@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import skfem
-from hard_cases import digits, judged, plain_eigs
+from hard_problems import digits, judged, plain_eigs
 from selection import crossed, some
 
 import fe_squeal

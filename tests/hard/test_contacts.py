@@ -10,7 +10,7 @@ import functools
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hard_cases import LINING, digits
+from hard_problems import LINING, digits
 from selection import some
 
 import fe_squeal

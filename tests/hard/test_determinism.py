@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hard_cases import SMALL, brake, digits
+from hard_problems import SMALL, brake, digits
 from renumbering import renumbered
 from selection import some
 
@@ -62,7 +62,7 @@ def test_start_vectors(record, monkeypatch, seed):
 SCRIPT = """
 import json, sys
 sys.path.insert(0, {tests!r})
-from hard_cases import brake
+from hard_problems import brake
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
 modes = solve_modes(brake().pencil(mu={mu}), Request(count=12))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from hard_cases import digits, judged, plain_eigs, through_files
+from hard_problems import digits, judged, plain_eigs, through_files
 from selection import some
 
 import fe_squeal

@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hard_cases import brake, digits, judged, matrices, plain_eigs, through_files
+from hard_problems import brake, digits, judged, matrices, plain_eigs, through_files
 from matrix_scenes import PULL, SITE, B
 
 import fe_squeal

@@ -13,7 +13,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from dense import all_eigenvalues
-from hard_cases import MIDDLE, SMALL, brake, digits, judged, matrices, plain_eigs, through_files
+from hard_problems import MIDDLE, SMALL, brake, digits, judged, matrices, plain_eigs, through_files
 from selection import crossed
 
 import fe_squeal

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from hard_cases import LINING, MIDDLE, SMALL, brake, digits, judged, plain_eigs, through_files
+from hard_problems import LINING, MIDDLE, SMALL, brake, digits, judged, plain_eigs, through_files
 from selection import crossed, some
 
 import fe_squeal

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from hard_cases import LINING, brake, digits, judged, matrices, plain_eigs
+from hard_problems import LINING, brake, digits, judged, matrices, plain_eigs
 from selection import some
 
 import fe_squeal
