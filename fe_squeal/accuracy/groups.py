@@ -42,7 +42,7 @@ def element_places(assembly: Assembly) -> np.ndarray:
         for own in there:
             _mark(found, assembly, space.nodes_of(own), place)
     for own, _ in nodes:
-        _mark(found, assembly, space.nodes_at(own), 2)
+        _mark(found, assembly, space.nodes_at(own, between=True), 2)
     found[singular_elements(assembly)] = EDGE
     return found
 

@@ -88,8 +88,8 @@ def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     check_revolution(mesh, body.elements, motion, body.name)
     for path, kind, group in context.holding:
         if kind == "nodes":
-            corners = context.space.nodes_at(context.nodes(group, path))
-            corners = corners[np.isin(corners, mesh.t[:, body.elements])]
+            places = context.nodes(group, path)
+            corners = places[np.isin(places, mesh.t[:, body.elements])]
             if len(corners):
                 check_ring_of_nodes(mesh, corners, body.elements, motion, path, body.name)
             continue

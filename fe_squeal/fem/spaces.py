@@ -16,7 +16,7 @@ from skfem.assembly import Dofs
 from skfem.refdom import RefTet
 
 from ..errors import SceneError
-from ..mesh.node_sets import with_nodes_between
+from ..mesh.node_sets import between_corners, with_nodes_between
 from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map
 from .cubic import CubicDofs, ElementHex3
@@ -250,13 +250,17 @@ class DisplacementSpace:
         Raises
         ------
         SceneError
-            Displacements of order 1 have no unknown at any of them, or those of order 3 none at middles of edges.
+            Displacements of order 1 have no unknown at any of them, or those of order 3 none at middles of edges; with
+            `between`, at those alone whose corners are not among the nodes.
         """
         if self.order == 3 and (places >= self.mesh.nvertices).any():
-            raise SceneError("mesh.order: given 3; expected 1 or 2, since a node set has nodes at middles of edges")
+            members = between_corners(self.mesh, self.dofs, places) if between else None
+            if members is None:
+                raise SceneError("mesh.order: given 3; expected 1 or 2, since a node set has nodes at middles of edges")
+            return np.flatnonzero(members)
         members = np.zeros(self.nodes, bool)
         members[places[places < self.nodes]] = True
-        if between and self.nodes > self.mesh.doflocs.shape[1]:
+        if between and self.mesh.doflocs.shape[1] == self.mesh.nvertices < self.nodes:
             members = with_nodes_between(self.mesh, self.dofs, members)
         if not members.any():
             raise SceneError("mesh.order: given 1; expected 2, since a node set lies at middles of edges alone")

@@ -139,5 +139,38 @@ def with_nodes_between(
     return found
 
 
+def between_corners(mesh: skfem.Mesh, dofs: Dofs, places: Ints) -> np.ndarray | None:
+    """Return which nodes of higher elements a set of nodes of a quadratic mesh stands for.
+
+    These are its corners, and all nodes of the edges, faces and cells whose middle is in the set.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        Hexahedra with nodes at the middles of edges, faces and cells.
+    dofs : Dofs
+        Numbering of the nodes of the higher elements, corners first.
+    places : (p,) int
+        Columns of `mesh.doflocs`.
+
+    Returns
+    -------
+    (nodes,) bool or None
+        None where the middle of an edge is in the set and an end is not, or that of a face or cell without its corners.
+    """
+    own, given, found = mesh.dofs, np.zeros(mesh.doflocs.shape[1], bool), np.zeros(dofs.N, bool)
+    given[places] = True
+    found[places[places < mesh.nvertices]] = True
+    for corners, middles, nodes in (
+        (mesh.edges, own.edge_dofs, dofs.edge_dofs), (mesh.facets, own.facet_dofs, dofs.facet_dofs),
+        (mesh.t, own.interior_dofs, dofs.interior_dofs),
+    ):  # fmt: skip
+        whole = given[middles[0]]
+        if not given[corners[:, whole]].all():
+            return None
+        found[nodes[:, whole]] = True
+    return found
+
+
 def _add(found: np.ndarray, may: np.ndarray, nodes: Ints) -> None:
     found[nodes[may[nodes]]] = True

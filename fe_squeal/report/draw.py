@@ -33,7 +33,7 @@ def draw_file(shape: Path, picture: Path, title: str, axis: list[float]) -> None
     grid.points = grid.points @ frame.T
     real = grid.point_data["u_re"] @ frame.T
     body = np.asarray(grid.cell_data["body"])
-    nodes = next(iter(grid.cells_dict.values()))
+    nodes = grid.cell_connectivity.reshape(grid.n_cells, -1)  # all cells are of one kind
     view = choose_view(np.asarray(grid.points), real, grid.point_data["amplitude"], nodes, body, frame)
     grid.point_data["u_n"] = view.values
 

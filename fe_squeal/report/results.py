@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
-from contextlib import redirect_stderr, redirect_stdout, suppress
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,7 +30,11 @@ _COLUMNS: dict[str, _Columns] = {
 }
 _MAC: _Columns = (("measured", "value", "branch", "frequency_hz"), ("mac",))
 _MESH_ERROR: _Columns = (("quantity", "kind", "change", "scale", "body", "direction", "part"), ())
-_CELLS = {"tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron27": 29}  # VTK's numbers of meshio's types
+# VTK's numbers of meshio's types, and how many nodes they have: a Lagrange cell alone may have another order.
+_CELLS = {"tetra": (10, 4), "tetra10": (24, 10), "hexahedron": (12, 8), "hexahedron27": (29, 27),
+          "VTK_LAGRANGE_HEXAHEDRON": (72, 64)}  # fmt: skip
+_HEAD = 200  # bytes: the first tag of a file lies within
+_SECOND_VERSION = re.compile(rb'version="2\.[0-9]"')
 _STATUS = {
     "running": "The run is still going on, or was killed: what is shown is what was finished until then.",
     "interrupted": "The run was interrupted: what is shown is what was finished until then. fe-squeal run --resume goes"
@@ -215,6 +222,9 @@ def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
     if len(found.cells) != 1 or found.cells[0].type not in _CELLS:
         raise ValueError("its cells are not all of one type")
     points, cells = np.asarray(found.points, float), np.asarray(found.cells[0].data, np.int64)
+    kind, width = _CELLS[found.cells[0].type]
+    if cells.shape[1:] != (width,):
+        raise ValueError(f"its cells do not have {width} nodes each")
     u = found.point_data["u_re"] + 1j * found.point_data["u_im"]
     body = np.asarray(found.cell_data["body"][0], np.int64)
     if points.shape != u.shape or points.shape[1:] != (3,) or body.shape != cells.shape[:1] or not len(cells):
@@ -233,7 +243,7 @@ def read_shape(path: Path) -> tuple[ShapeGrid, Shape]:
         raise ValueError("its numbers do not hold what they should")
     for parameter in _names_in(found, "parameter").values():
         info["parameter"] = parameter
-    grid = ShapeGrid(points, cells, _CELLS[found.cells[0].type], body, tuple(names[i] for i in sorted(names)))
+    grid = ShapeGrid(points, cells, kind, body, tuple(names[i] for i in sorted(names)))
     return grid, Shape(info, u)
 
 
@@ -247,16 +257,35 @@ def _mesh_of(path: Path) -> Any:
     import meshio
 
     with path.open("rb") as file:
-        if not file.read(200).lstrip().startswith(b"<"):
-            raise ValueError("it is no VTK file")
+        head = file.read(_HEAD)
+    if not head.lstrip().startswith(b"<"):
+        raise ValueError("it is no VTK file")
     printed = io.StringIO()
     try:
-        with redirect_stdout(printed), redirect_stderr(printed), np.errstate(all="ignore"):
-            return meshio.read(path, "vtu")
+        with _in_known_version(path, head) as known, redirect_stdout(printed), redirect_stderr(printed):
+            with np.errstate(all="ignore"):
+                return meshio.read(known, "vtu")
     except OSError:
         raise
     except (Exception, SystemExit) as error:  # meshio stops at damaged files with almost any exception
         raise ValueError(one_line(str(error))[:160] or "it is damaged") from error
+
+
+@contextmanager
+def _in_known_version(path: Path, head: bytes) -> Iterator[Path]:
+    """Yield a .vtu file, or a copy of one that says version 1.0 where `head`, its first bytes, say 2.something.
+
+    VTK writes such a version where there are Lagrange cells, whose nodes it numbered otherwise before; all else is as
+    it was. meshio 5.3.5 knows versions up to 1.0 alone.
+    """
+    if not _SECOND_VERSION.search(head):
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "shape.vtu"
+        rest = path.read_bytes()[len(head) :]  # as long as before, so that what lies in it stays in its place
+        copy.write_bytes(_SECOND_VERSION.sub(b'version="1.0"', head) + rest)
+        yield copy
 
 
 def _names_in(found: Any, kind: str) -> dict[int, str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import skfem
@@ -10,6 +12,9 @@ from fe_squeal.errors import SceneError
 from fe_squeal.fem.cells import geometry_map, shape_functions
 from fe_squeal.fem.cubic import CubicDofs, ElementHex3
 from fe_squeal.fem.spaces import make_space
+from fe_squeal.mesh import from_skfem
+from fe_squeal.mesh.groups import NodeSet
+from fe_squeal.mesh.refining import refine
 from meshes import annulus, box, distorted
 
 MESHES = {
@@ -83,8 +88,9 @@ def test_tetrahedra_and_nodes_at_middles_of_edges_are_refused():
     space = make_space(MESHES["ring"], 3, [])
     corners = np.arange(space.mesh.nvertices)
     np.testing.assert_allclose(space.coordinates[space.nodes_at(corners)], space.mesh.doflocs.T[corners], atol=1e-15)
-    with pytest.raises(SceneError, match="a node set has nodes at middles of edges"):
-        space.nodes_at(np.array([0, space.mesh.nvertices]))
+    for between in (False, True):  # a corner, and the middle of an edge without its ends
+        with pytest.raises(SceneError, match="a node set has nodes at middles of edges"):
+            space.nodes_at(np.array([0, space.mesh.nvertices]), between)
 
 
 def test_a_node_set_of_corners_holds_what_is_between_them():
@@ -93,3 +99,16 @@ def test_a_node_set_of_corners_holds_what_is_between_them():
     space = make_space(mesh, 3, [], points=[(corners, "xyz")])
     held = space.fixed.reshape(-1, 3).all(axis=1)
     assert held.sum() == 49 and np.abs(space.coordinates[held, 0]).max() < 1e-15
+
+
+@pytest.mark.parametrize(("middles", "held"), [(True, (49, 169)), (False, (9, 9))])
+def test_a_node_set_of_a_quadratic_mesh_holds_what_it_has(middles, held):
+    """Whole edges and faces where it has their middles, corners alone where it has not; on the refined mesh as well."""
+    mesh = skfem.MeshHex2.from_mesh(box("hex1", (2, 2, 2)))
+    places = np.flatnonzero(np.abs(mesh.doflocs[0]) < 1e-12)
+    places = places if middles else places[places < mesh.nvertices]
+    loaded = replace(from_skfem(mesh), node_groups={"face": NodeSet(places, places)})
+    for own, count in zip((loaded, refine(loaded)), held, strict=True):
+        space = make_space(own.mesh, 3, [], points=[(own.node_groups["face"].held, "xyz")])
+        fixed = space.fixed.reshape(-1, 3).all(axis=1)
+        assert fixed.sum() == count and np.abs(space.coordinates[fixed, 0]).max() < 1e-15

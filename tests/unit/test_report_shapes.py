@@ -18,6 +18,7 @@ from fe_squeal.fem.cubic import CubicDofs, ElementHex3
 from fe_squeal.report import pictures
 from fe_squeal.report.export import exporting_shapes
 from fe_squeal.report.pictures import compose_figure, draw_shape
+from fe_squeal.report.results import read_shape
 from fe_squeal.report.shape_names import shape_name
 from fe_squeal.report.shapes import (
     REFERENCE_NODES,
@@ -94,6 +95,16 @@ def test_vtk_sees_positive_cells_that_fill_the_box(mesh_class, element, mirrored
     assert (volumes > 0).all()
     # 1e-6: VTK keeps some of its quadrature points of quadratic cells in single precision
     assert volumes.sum() == pytest.approx(2.0 * 3.0 * 0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize(("mesh_class", "element"), BASES)
+def test_a_shape_is_read_as_it_was_written(tmp_path, mesh_class, element):
+    grid = disc_with_pad(mesh_class, element)
+    read, shape = read_shape(write_shape(grid, bending(grid, 3), tmp_path / "shape.vtu", {"branch": 7}))
+    assert read.vtk_cell_type == grid.vtk_cell_type and read.body_names == grid.body_names and shape.info["branch"] == 7
+    np.testing.assert_array_equal(read.cells, grid.cells)
+    np.testing.assert_allclose(read.points, grid.points, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(shape.u, normalise_shape(bending(grid, 3)), rtol=1e-6, atol=1e-6)
 
 
 def test_point_of_the_grid_is_degree_of_freedom_of_the_basis():
@@ -261,10 +272,13 @@ with pictures._child_that_draws([job], 60.0) as finish:
     assert done.returncode == 0 and "ended with code 1" in done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("broken", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_picture_shows_the_nodal_diameters(tmp_path, monkeypatch, broken):
+@pytest.mark.parametrize(("broken", "element"), [
+    pytest.param(False, skfem.ElementHex2, marks=pytest.mark.slow),
+    pytest.param(False, ElementHex3, marks=pytest.mark.slow), (True, skfem.ElementHex2),
+])  # fmt: skip
+def test_picture_shows_the_nodal_diameters(tmp_path, monkeypatch, broken, element):
     """With VTK where it can draw, and with the plain fallback where its process dies."""
-    grid = disc_with_pad()
+    grid = disc_with_pad(element=element)
     if broken:
         monkeypatch.setattr(sys, "executable", "/bin/false")
         with pytest.warns(RuntimeWarning, match="ended with code 1"):
