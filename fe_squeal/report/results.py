@@ -262,9 +262,9 @@ def _mesh_of(path: Path) -> Any:
         raise ValueError("it is no VTK file")
     printed = io.StringIO()
     try:
-        with _in_known_version(path, head) as known, redirect_stdout(printed), redirect_stderr(printed):
-            with np.errstate(all="ignore"):
-                return meshio.read(known, "vtu")
+        quiet = redirect_stdout(printed), redirect_stderr(printed)
+        with _in_known_version(path, head) as known, quiet[0], quiet[1], np.errstate(all="ignore"):
+            return meshio.read(known, "vtu")
     except OSError:
         raise
     except (Exception, SystemExit) as error:  # meshio stops at damaged files with almost any exception
