@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
 from fe_squeal.errors import one_line
+
+_OPTION = re.compile(r"--[a-z]+(-[a-z]+)*")
 
 
 def text(value: object) -> str:
@@ -14,14 +17,19 @@ def text(value: object) -> str:
     return escape(one_line(str(value)))
 
 
+def prose(value: object) -> str:
+    """Return a text as escaped HTML in which a line does not break within an option, such as --estimate."""
+    return _OPTION.sub(r'<span class="option">\g<0></span>', text(value))
+
+
 def paragraph(*sentences: str) -> str:
     """Return sentences as a paragraph; "" if there are none."""
-    return f"<p>{text(' '.join(s for s in sentences if s))}</p>" if any(sentences) else ""
+    return f"<p>{prose(' '.join(s for s in sentences if s))}</p>" if any(sentences) else ""
 
 
 def bullets(items: Iterable[str]) -> str:
     """Return texts as a list; "" if there are none."""
-    rows = "".join(f"<li>{text(item)}</li>" for item in items)
+    rows = "".join(f"<li>{prose(item)}</li>" for item in items)
     return f"<ul>{rows}</ul>" if rows else ""
 
 

@@ -200,7 +200,7 @@ def _first_of_mesh(results: Results, onsets: pd.DataFrame, symbol: str) -> list[
     first = onsets.sort_values("value", kind="stable").iloc[:1]
     value, solver, mesh = (float(numbers(first, name)[0]) for name in ("value", "uncertainty", "discretisation"))
     of_solver = f"± {solver:.1e} by the solver" if np.isfinite(solver) else "of the solver's error nothing is known"
-    of_mesh = "the error of the mesh was not estimated, see run --estimate"
+    of_mesh = "the error of the mesh was not estimated, see fe-squeal run --estimate"
     if not np.isnan(mesh):
         of_mesh = f"± {mesh:.2g} by the mesh" if np.isfinite(mesh) else "the refined mesh has no such onset"
     elif mesh_errors(results.onsets) is not None:
