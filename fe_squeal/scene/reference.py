@@ -26,9 +26,10 @@ _HEAD = """\
 Made by `python -m fe_squeal.scene.reference` from the program itself; do not edit it.
 
 TOML; SI units (m, kg, s, N, Pa, rad/s). A key that is not listed here is an error. An effect whose table is absent is not
-simulated. `NAME` is a name of your own, without commas, which stand between the paths of several numbers. A mesh file is
-looked for relative to the scene file, so a copy of an example in another folder needs its `mesh.file` changed, or its mesh
-copied along.
+simulated. `NAME` is a name of your own, without commas, which stand between the paths of several numbers. Two are not free:
+in `[bodies.NAME]` it is a volume group of the mesh where the body has no `groups`, and in `[study.parameters.NAME]` the path
+of a number, or several paths. A mesh file is looked for relative to the scene file, so a copy of an example in another folder
+needs its `mesh.file` changed, or its mesh copied along.
 
 **Units of length.** `mesh.length_unit` holds for the coordinates in the mesh file and for the lengths marked *length unit*
 in `[mesh.disc_pad]` and `[mesh.block]`. Everything else, `gap_tolerance` and `centre` too, is in metres always.
@@ -72,7 +73,8 @@ def _section(section: type[BaseModel], where: str, known: tuple[str, ...] = ()) 
             raise LookupError(f"{section.__name__}.{key} has no description under Attributes in its docstring")
         kind, unit, meaning = described[key]
         shown = _TYPES.get(kind, re.sub(r"^float\b", "number", kind)) + _bounds(field)
-        lines.append(f"| `{key}` | {shown} | {unit} | {_default(field)} | {meaning} |")
+        cells = [cell.replace("|", r"\|") for cell in (f"`{key}`", shown, unit, _default(field), meaning)]
+        lines.append(f"| {' | '.join(cells)} |")
         path = f"{where.strip('[]')}.{key}".removeprefix(".")
         for option in options(field.annotation):
             target = get_args(option)[-1] if get_origin(option) in (dict, list) else option
@@ -110,15 +112,22 @@ def _bounds(field: FieldInfo) -> str:
         for constraint in getattr(option, "__metadata__", ()):
             metadata += getattr(constraint, "metadata", [constraint])
     signs = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
-    found = [f"{s} {getattr(m, n):g}" for m in metadata for n, s in signs.items() if getattr(m, n, None) is not None]
+    found = [f"{s} {_bound(getattr(m, n))}" for m in metadata for n, s in signs.items() if getattr(m, n, None) is not None]
     return f", {', '.join(dict.fromkeys(found))}" if found else ""
+
+
+def _bound(value: float) -> str:
+    """Return a bound with all its digits, from five on in threes."""
+    if value != int(value):
+        return f"{value:g}"
+    return f"{int(value):,}".replace(",", " ") if abs(value) >= 10_000 else f"{int(value)}"
 
 
 def _default(field: FieldInfo) -> str:
     value: Any = field.default
     if field.is_required():
         return "required"
-    return "none" if value is None or value in ([], "") or isinstance(value, BaseModel) else f"`{toml_text(value)}`"
+    return "none" if value is None or value in ([], {}, "") or isinstance(value, BaseModel) else f"`{toml_text(value)}`"
 
 
 if __name__ == "__main__":

@@ -22,6 +22,11 @@ def test_scene_reference_is_the_one_the_command_makes() -> None:
     assert (ROOT / "docs/scene.md").read_text(encoding="utf-8") == reference()
 
 
+def test_numbers_of_the_reference_can_be_read() -> None:
+    assert "≤ 2 147 483 648" in reference() and not re.search(r"[<>≤≥] [\d.]+e", reference())
+    assert "`a table`" not in reference()
+
+
 def test_readme_shows_the_example() -> None:
     shown = (ROOT / "README.md").read_text(encoding="utf-8").partition("```toml\n")[2].partition("```\n")[0]
     assert shown == (ROOT / "examples/pad_on_belt.toml").read_text(encoding="utf-8")
