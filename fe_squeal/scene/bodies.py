@@ -64,6 +64,8 @@ class BodyTable(Section):
 class Support(Placed):
     """A surface group, or a node set, on which displacement components are held.
 
+    Of a node set it also holds the nodes that elements of order 2 and 3 have between those of the set.
+
     Attributes
     ----------
     fixed : str

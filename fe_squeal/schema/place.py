@@ -20,8 +20,7 @@ class Placed(Section):
         Surface group of the mesh.
     nodes : str
         Node set of the mesh, instead of `surface`, or nodes by their numbers in the file, with commas between: "12" or
-        "PAD-1.12, PAD-1.13". A support holds the nodes that
-        elements of order 2 have between these, too.
+        "PAD-1.12, PAD-1.13".
     """
 
     surface: str | None = None
