@@ -26,8 +26,8 @@ class TermSection(Section):
     role : "mass" or "damping" or "stiffness"
         Where it counts.
     file : str
-        Matrix Market .mtx, SciPy .npz, NumPy .npy or MATLAB .mat, relative to the scene file; real and square. Nothing
-        in a file is executed.
+        Matrix Market .mtx or .mtx.gz, SciPy .npz, NumPy .npy or MATLAB .mat, relative to the scene file; real and
+        square. Nothing in a file is executed.
     variable : str
         Name of the matrix in a .mat file; needed where the file holds several.
     scale : float

@@ -16,15 +16,17 @@ class MeshSection(Section):
     Attributes
     ----------
     file : str
-        The mesh file, relative to the scene file: .msh, .inp, .bdf, .vtu, .vtk, .xdmf, .med, ... `fe-squeal mesh` makes
-        it from the geometry. `run --accuracy` and `accuracy` make their meshes from the geometry where there is one.
+        The mesh file, relative to the scene file: .msh (Gmsh), .inp (Abaqus), .bdf, .nas, .dat, .fem (Nastran), .cdb
+        (Ansys), .unv, .vtu, .vtk, .xdmf, .med, or another one that meshio reads. `fe-squeal mesh` makes it from the
+        geometry. `run --accuracy` and `accuracy` make their meshes from the geometry where there is one.
     length_unit : "m" or "mm"
         Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
     allow_outside : bool
         Whether files that the mesh file includes (*INCLUDE, INPUT=, the arrays of an XDMF file) may lie outside of its
         own folder and that of the scene.
     order : 1, 2 or 3
-        Polynomial order of the displacements; 3 for hexahedra alone.
+        Polynomial order of the displacements; 3 for hexahedra alone, and not with node sets that have nodes at middles
+        of edges, which are refused.
     disc_pad : table
         Parametric geometry.
     block : table
