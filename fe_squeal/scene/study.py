@@ -67,6 +67,7 @@ class Lognormal(_Bounded):
     Attributes
     ----------
     median : float
+        Half of the values are smaller, before the distribution is cut off.
     factor : float
         Factor of one standard deviation of the logarithm.
     """
@@ -87,7 +88,9 @@ class Uniform(Section):
     Attributes
     ----------
     low : float
+        The smallest value.
     high : float
+        The largest value.
     """
 
     low: float
@@ -106,8 +109,11 @@ class Triangular(Section):
     Attributes
     ----------
     low : float
+        The smallest value.
     mode : float
+        The most likely value, between both or equal to one.
     high : float
+        The largest value.
     """
 
     low: float
@@ -128,9 +134,13 @@ class Distribution(Section):
     Attributes
     ----------
     normal : table
+        Normal, by mean and standard deviation.
     uniform : table
+        All values between two are as likely.
     lognormal : table
+        The logarithm is normal: by the median and a factor, for numbers above 0.
     triangular : table
+        Most likely at one value, less and less towards two ends.
     values : list of float
         Values that are equally likely.
     """
@@ -174,7 +184,9 @@ class Axis(Section):
     parameter : str
         As that of the sweep.
     from : float
+        The smallest value; above 0 with scale = "log".
     to : float
+        The largest value.
     points : int
         Number of values of the grid, ends included.
     scale : "linear" or "log"
@@ -228,8 +240,10 @@ class StudySection(Section):
         Entries [path, path, coefficient]: correlation of normal numbers, and of the logarithms of lognormal ones.
     indices : bool
         Whether sensitivity indices are computed, for which as many samples are solved again.
-    x, y : table
-        The parameters of a map.
+    x : table
+        The parameter of a map that runs to the right in its picture.
+    y : table
+        The parameter of a map that runs upwards in its picture.
     tolerance : float
         Relative error of every eigenvalue, next to a double one times its condition, instead of `tolerance` of [solve].
         A sample whose estimated error is larger is solved directly.
