@@ -14,6 +14,7 @@ import pytest
 
 import fe_squeal.report.export
 from fe_squeal.scene.reference import reference
+from fe_squeal.sweep.forecast import UNKNOWNS, VALUES
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,6 +26,11 @@ def test_scene_reference_is_the_one_the_command_makes() -> None:
 def test_numbers_of_the_reference_can_be_read() -> None:
     assert "≤ 2 147 483 648" in reference() and not re.search(r"[<>≤≥] [\d.]+e", reference())
     assert "`a table`" not in reference()
+    assert f'"auto" takes "reduced" from {UNKNOWNS} unknowns on' in reference() and VALUES == 5  # "five" there
+
+
+def test_every_key_of_the_reference_has_a_meaning() -> None:
+    assert "|  |\n" not in reference()
 
 
 def test_readme_shows_the_example() -> None:
