@@ -45,6 +45,12 @@ spring at the angle θ acts along (sin θ, −cos θ), except in the two-mass mo
 Friction follows the springs only, not the dampers. The nine-degree-of-freedom model and the uncoupled disc know
 `contact` only.
 
+## On the command line
+
+`fe-squeal lumped minimal k2=20 friction=contact` sets parameters by their names and prints eigenvalues and critical
+friction coefficients; `--json` prints them for other programs. A study (`--study NAME`) has parameters of its own and
+takes neither.
+
 ## Marginal is not unstable
 
 Where two frequencies are equal, λ changes like the square root of a perturbation: rounding of 1e-15 in a matrix
