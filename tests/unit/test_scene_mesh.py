@@ -165,6 +165,7 @@ def test_good_cube(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ("garbage.vtu", b"hello", "garbage.vtu: not a readable .vtu mesh"),
         ("empty.msh", b"", "empty.msh: the file is empty; expected a mesh"),
         ("scene.toml", b"a = 1", 'scene.toml: no mesh format is known by the suffix ".toml"'),
+        ("scene.toml", b"a = 1", ", .fem, .cdb, .unv, .vtu, "),
         ("none.msh", None, "none.msh: no such file; make it with: fe-squeal mesh"),
         (".", None, "this is a folder; expected a mesh file"),
         ("n" * 300, None, "File name too long"),

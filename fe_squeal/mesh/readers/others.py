@@ -57,7 +57,7 @@ def read_with_meshio(sources: Sources) -> RawMesh:
         if path.suffix.lower() not in known:
             raise MeshError(
                 f'{path.name}: no mesh format is known by the suffix "{path.suffix}"; expected one of '
-                ".msh, .inp, .bdf, .nas, .dat, .vtu, .vtk, .xdmf, .med"
+                ".msh, .inp, .bdf, .nas, .dat, .fem, .cdb, .unv, .vtu, .vtk, .xdmf, .med"
             ) from error
         reason = str(error).strip() if not isinstance(error, SystemExit) else printed.getvalue().strip()
         reason = " ".join(reason.split())[:160] or type(error).__name__
