@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,8 +16,11 @@ SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene
 SceneOrDeck = Annotated[
     Path, typer.Argument(metavar="SCENE.toml", help="The scene, or a deck that has all of it.", show_default=False)
 ]
-_WHERE = "The folder for results (default: SCENE_results, _study, _accuracy)."
-Out = Annotated[Path | None, typer.Option("-o", "--out", help=_WHERE, show_default=False)]
+
+
+def out_option(own: str) -> Any:
+    """Return the option -o of a command whose results go into a folder of this name without it."""
+    return typer.Option("-o", "--out", help=f"The folder for results (default: {own}).", show_default=False)
 
 
 def make_console() -> Console:

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from ..errors import SceneError
-from .shared import Out, SceneOrDeck, load_scene_or_deck, make_console
+from .shared import SceneOrDeck, load_scene_or_deck, make_console, out_option
 
 
 def run(
     scene: SceneOrDeck,
-    out: Out = None,
+    out: Annotated[Path | None, out_option("SCENE_results")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted run left there.")] = False,
     estimate: Annotated[bool, typer.Option("--estimate", help="Estimate the error of the mesh, too.")] = False,
     accuracy: Annotated[
@@ -64,7 +64,7 @@ def onset(scene: SceneOrDeck) -> int:
 
 def study(
     scene: SceneOrDeck,
-    out: Out = None,
+    out: Annotated[Path | None, out_option("SCENE_study")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from what an interrupted study left there.")] = False,
     workers: Annotated[
         int, typer.Option(metavar="N", help="Solve in so many processes, by dask.distributed.", show_default=False)
@@ -82,7 +82,7 @@ def study(
 
 def accuracy(
     scene: SceneOrDeck,
-    out: Out = None,
+    out: Annotated[Path | None, out_option("SCENE_accuracy")] = None,
     budget: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Spend at most so long.", show_default=False)
     ] = None,
