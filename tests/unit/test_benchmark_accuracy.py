@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import accuracy_and_cost as page
 import numpy as np
+import pandas as pd
 import pytest
 from accuracy_cases import Rung, extrapolated, solve
 
@@ -50,6 +51,11 @@ def test_rate_and_time_of_a_known_law():
     rungs = [Rung(n, n / 1e3, 0.0, np.array([n ** (-4 / 3) * 1e3]), 1.0, 2.0) for n in (10**3, 10**4, 10**5)]
     assert page.rate(replace(rungs[-1], wide=BARS[2] * 15 / 16, bar=BARS[2])) == pytest.approx(4.0)
     assert page.time_for(rungs, 0.01) == pytest.approx((1e5) ** (3 / 4) / 1e3)
+
+
+def test_table_beside_the_lumped_models():
+    frame = pd.DataFrame([("two-mass", "|λ| at μ = 0 (rad/s)", 4.9, np.nan, 3.3e-6)])
+    assert page.lumped_table(frame)[-1] == r"| two-mass | \|λ\| at μ = 0 (rad/s) | 4.9 | none | 3.3e-06 |"
 
 
 def test_page_names_what_it_needs():

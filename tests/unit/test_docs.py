@@ -33,6 +33,18 @@ def test_every_key_of_the_reference_has_a_meaning() -> None:
     assert "|  |\n" not in reference()
 
 
+def test_rows_of_tables_have_the_cells_of_their_heads() -> None:
+    """A bar inside a cell, as of |λ|, that is not escaped splits it."""
+    seen, broken = 0, []
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        cells = 0
+        for line in page.read_text(encoding="utf-8").splitlines():
+            found = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+            broken += [f"{page.name}: {line}"] if found and cells and found != cells else []
+            cells, seen = found and (cells or found), seen + bool(found)
+    assert seen > 1000 and not broken
+
+
 def test_readme_shows_the_example() -> None:
     shown = (ROOT / "README.md").read_text(encoding="utf-8").partition("```toml\n")[2].partition("```\n")[0]
     assert shown == (ROOT / "examples/pad_on_belt.toml").read_text(encoding="utf-8")
