@@ -116,8 +116,6 @@ docs/lumped.md: .venv/installed
 # What accuracy, effects and sweeps cost, with the times of this machine, meshes for targets, onsets of random sweeps, and
 # nearly incompressible linings: hours.
 benchmarks: $(MEASURED:%=docs/%.md)
-	$(BIN)/python benchmarks/mesh_bars.py --write  # a section of docs/accuracy_and_cost.md
-	$(BIN)/python benchmarks/onset_bars.py --write  # another
 
 # The searches for broken promises in full, half an hour on two free cores: spoilt inputs, signals, commands at once.
 trust: docs/trust.md
@@ -125,9 +123,23 @@ trust: docs/trust.md
 # The hard cases, from the tests' own results.
 hard-cases: docs/hard_cases.md
 
+# Each of these pages has sections by files of their own, which leave the rest of it as it is.
+SECTIONED := docs/accuracy_and_cost.md docs/cluster.md docs/performance.md
+
+docs/accuracy_and_cost.md: .venv/installed-test
+	$(BIN)/python benchmarks/accuracy_and_cost.py --write
+	$(BIN)/python benchmarks/mesh_bars.py --write
+	$(BIN)/python benchmarks/onset_bars.py --write
+
+docs/cluster.md: .venv/installed-test
+	$(BIN)/python benchmarks/cluster.py --write
+	$(BIN)/python benchmarks/direct_solves.py --write
+
 docs/performance.md: .venv/installed-test
 	$(BIN)/python benchmarks/performance.py --write
-	$(BIN)/python benchmarks/gallery/compare.py --write  # its section on models of other kinds
+	$(BIN)/python benchmarks/gallery/compare.py --write
+	$(BIN)/python benchmarks/memory.py --write
+	$(BIN)/python benchmarks/gallery/profiles.py --write
 
-$(filter-out docs/scene.md docs/lumped.md docs/performance.md,$(PAGES)): docs/%.md: benchmarks/%.py .venv/installed-test
+$(filter-out docs/scene.md docs/lumped.md $(SECTIONED),$(PAGES)): docs/%.md: benchmarks/%.py .venv/installed-test
 	$(BIN)/python $< --write

@@ -139,6 +139,11 @@ def lumped_table(frame: pd.DataFrame) -> list[str]:
     return lines
 
 
+def of_others(text: str) -> str:
+    """Return what stands in the page behind its last section: the sections of mesh_bars.py and onset_bars.py."""
+    return "".join(text.partition(LAST)[2].partition("\n## ")[1:])
+
+
 def kept(path: Path, make: Callable[[], Any]) -> Any:
     """Return what stands in a JSON file, or make it and write it there."""
     if not path.exists():
@@ -182,12 +187,14 @@ def main() -> None:
     )  # fmt: skip
     print(page)
     if given.write:
-        (DOCS / "accuracy_and_cost.md").write_text(page, encoding="utf-8")
+        there = DOCS / "accuracy_and_cost.md"
+        there.write_text(page + of_others(there.read_text(encoding="utf-8")), encoding="utf-8")
         (DOCS / "images").mkdir(exist_ok=True)
         for picture in (*given.folder.glob("*/accuracy_*.png"), given.folder / "modal_or_reduced.png"):
             shutil.copy(picture, DOCS / "images" / picture.name)
 
 
+LAST = "## Beside the lumped models"
 PAGE = """# Accuracy and cost
 
 How large errors are, what makes them smaller, and for how many seconds. Made by

@@ -151,10 +151,10 @@ def main() -> None:
             f"{given.modes} modes, {given.values} values; {os.cpu_count()} cores, shared with other work, "
             f"{time.strftime('%Y-%m-%d')}."
         )
-        # Behind it is the section of benchmarks/gallery/compare.py.
-        gallery = "".join(PAGE.read_text(encoding="utf-8").partition("\n## ")[1:])
+        # Behind it are the sections of other files (Makefile).
+        others = "".join(PAGE.read_text(encoding="utf-8").partition("\n## ")[1:])
         text = f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{table(rows)}\n\n{INSIDE}\n{inside(rows)}\n"
-        PAGE.write_text(text + gallery, encoding="utf-8")
+        PAGE.write_text(text + others, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -66,5 +66,10 @@ def test_page_names_what_it_needs():
     for line in page.PAGE.splitlines():
         if line.startswith("## "):
             assert line in written
+    own, others = page.PAGE[page.PAGE.index(page.LAST) :], page.of_others(written)
+    assert own.count("\n## ") == 0 and written.endswith(others)
+    assert [s for s in others.splitlines() if s.startswith("## ")] == [
+        "## Do the bars hold?", "## Do the bars of onsets hold?"
+    ]  # fmt: skip
     for case, element, order in page.LADDERS:
         assert f"| {case} | {element} | {order} |" in written

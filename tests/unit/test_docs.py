@@ -82,6 +82,10 @@ def test_every_page_is_made_by_a_target(page: str) -> None:
     assert found is not None, done.stdout
     script = ROOT / (found[1] if found[1].endswith(".py") else found[1].replace(".", "/") + ".py")
     assert page in script.stem or f"{page}.md" in script.read_text(encoding="utf-8") + done.stdout
+    for file in (ROOT / "benchmarks").rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        if '"--write"' in text and f"docs/{page}.md" in text:
+            assert file.relative_to(ROOT).as_posix() in done.stdout
 
 
 def test_architecture_names_what_is_there() -> None:
