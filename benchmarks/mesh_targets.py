@@ -182,6 +182,11 @@ at the first value, of growth at the last one relative to the fastest, of the cr
 "onsets" these alone are to meet the target (`--accuracy-of onsets`). Seconds are those of the whole search; other work
 on the machine makes them longer.
 
+*Bar* is the largest one on the last mesh. A bar of 0 % means that the sweep has nothing of what is to meet the target,
+such as no onset; the search ends there. A dash stands where there is nothing to compare. At most eight meshes are tried
+(*runs*). Where none of them meets the target, or the next one does not fit into memory, the command ends with exit code
+3, and its folder has the results of the nearest one.
+
 Runs within their targets: {within} of {all}.
 {missing}
 | scene | target | first unknowns | last unknowns | bar | frequencies | growth | onsets | runs | seconds |
