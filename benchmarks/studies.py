@@ -189,8 +189,8 @@ def scatter_lines(out: Path, checks: int) -> list[str]:
         solved, seconds = record["samples"] + again, cpu.get("samples", 0.0) + cpu.get("indices", 0.0)
         lines.append(
             f"- One thread: {cpu['model']:.0f} CPU seconds until the model is there, then"
-            f" {solved / seconds:.0f} samples a CPU second, {solved} with those for the indices; at most"
-            f" {record['peak_memory_mib']:.0f} MiB."
+            f" {solved / seconds:.0f} samples a CPU second for {solved} samples, those for the indices among them; at"
+            f" most {record['peak_memory_mib']:.0f} MiB."
         )
     return lines
 
