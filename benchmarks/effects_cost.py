@@ -137,8 +137,8 @@ By `python benchmarks/effects_cost.py --runs {runs} --write` on {machine},
 {solver_name()}, Python {platform.python_version()}, on {datetime.date.today().isoformat()}. The scene is that of
 `examples/disc_pad.toml` at μ = 0.4, all modes up to its `max_frequency`; the numbers of the effects are those of
 `examples/disc_pad_effects.toml`, with a contact pressure of 1 MPa where there is no preload, a loss factor of 0.05 in
-the linings, frozen at 3 kHz, and dampers of 100 N s/m at the six springs. The first size is the committed mesh, the
-second a coarser one with linear elements.
+the linings, frozen at 3 kHz, and dampers of 100 N s/m at the six springs. The first size is the mesh that the
+example names, the second a coarser one with linear elements.
 
 - Seconds are medians of {runs} runs. All scenes of a table run in turn, every other time backwards, so that what else
   the machine does falls on all of them. Ratios are to friction alone in the same turn, their median, in brackets the
@@ -191,14 +191,14 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="write docs/effects_cost.md and its picture")
     arguments = parser.parse_args()
     results = {}
-    for title, rung in (("Committed mesh", "fine"), ("Coarse mesh", "coarse")):
+    for title, rung in (("Mesh of the example", "fine"), ("Coarse mesh", "coarse")):
         scene = scene_of(rung)
         rows = measure(effect_cases(scene), arguments.runs, memory=True)
         plain = measure(absence_cases(scene), arguments.runs)
         results[title] = rows, plain
         print(f"{title}\n\n{table(rows)}\n{target(rows)}\n\n{absence_table(plain)}\n{absence(plain)}\n", flush=True)
     if arguments.write:
-        chart(results["Committed mesh"][0], ROOT / "docs/images/effects_cost.png")
+        chart(results["Mesh of the example"][0], ROOT / "docs/images/effects_cost.png")
         (ROOT / "docs/effects_cost.md").write_text(page(results, arguments.runs), encoding="utf-8")
 
 
