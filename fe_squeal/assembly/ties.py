@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..effects.ties import Averaged, Rigid
 from ..errors import SceneError
-from ..fem.places import find_patch
+from ..fem.places import find_patch, nodes_there
 from ..fem.spaces import DisplacementSpace, Patch
 from ..fem.ties import Tie, averaged_tie, mean_tie, rigid_columns, rigid_tie
 from ..mesh import LoadedMesh
@@ -96,10 +96,9 @@ def _mean_name(kind: Kind, group: str) -> str:
 def _nodes(space: DisplacementSpace, loaded: LoadedMesh, table: Rigid, key: str) -> np.ndarray:
     if table.kind == "surface":
         return np.unique(space.nodes_of(find_facets(loaded, table.group, f"{key}.surface")))
-    group = find_nodes(loaded, table.group, f"{key}.nodes")
     if isinstance(table, Averaged):
-        return space.nodes_at(group.nodes)
-    return space.nodes_at(group.held, between=True)
+        return nodes_there(space, loaded, table.kind, table.group, f"{key}.nodes")
+    return space.nodes_at(find_nodes(loaded, table.group, f"{key}.nodes").held, between=True)
 
 
 def _tie(space: DisplacementSpace, loaded: LoadedMesh, table: Rigid, key: str, nodes: np.ndarray) -> Tie:

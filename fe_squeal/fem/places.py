@@ -20,11 +20,11 @@ def find_patch(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: 
     """
     if kind == "surface":
         return space.surface(find_facets(loaded, group, key))
-    return space.patch(space.nodes_at(find_nodes(loaded, group, key).nodes))
+    return space.patch(find_nodes(loaded, group, key).nodes)
 
 
 def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str = "") -> np.ndarray:
-    """Return the nodes of a surface group or of a node set, int.
+    """Return the nodes of a surface group, or those whose displacements give those of a node set, int.
 
     Raises
     ------
@@ -32,4 +32,4 @@ def nodes_there(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group:
     """
     if kind == "surface":
         return np.unique(space.nodes_of(find_facets(loaded, group, key)))
-    return space.nodes_at(find_nodes(loaded, group, key).nodes)
+    return np.unique(find_patch(space, loaded, kind, group, key).values.indices)

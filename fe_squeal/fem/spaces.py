@@ -18,7 +18,7 @@ from skfem.refdom import RefTet
 from ..errors import SceneError
 from ..mesh.node_sets import between_corners, with_nodes_between
 from .bubbles import Bubbles, make_bubbles
-from .cells import geometry_map
+from .cells import geometry_map, shape_functions
 from .cubic import CubicDofs, ElementHex3
 from .facets import facet_points, subdivided_quadrature
 from .ties import Tie
@@ -250,13 +250,15 @@ class DisplacementSpace:
         Raises
         ------
         SceneError
-            Displacements of order 1 have no unknown at any of them, or those of order 3 none at middles of edges; with
-            `between`, at those alone whose corners are not among the nodes.
+            Displacements of order 1 have no unknown at any of them, or those of order 3 none at middles of edges whose
+            ends are not among them.
         """
         if self.order == 3 and (places >= self.mesh.nvertices).any():
-            members = between_corners(self.mesh, self.dofs, places) if between else None
+            members = between_corners(self.mesh, self.dofs, places)
             if members is None:
-                raise SceneError("mesh.order: given 3; expected 1 or 2, since a node set has nodes at middles of edges")
+                raise SceneError(
+                    "mesh.order: given 3; expected 1 or 2, since a node set has the middle of an edge without its ends"
+                )
             return np.flatnonzero(members)
         members = np.zeros(self.nodes, bool)
         members[places[places < self.nodes]] = True
@@ -266,11 +268,30 @@ class DisplacementSpace:
             raise SceneError("mesh.order: given 1; expected 2, since a node set lies at middles of edges alone")
         return np.flatnonzero(members)
 
-    def patch(self, nodes: np.ndarray) -> Patch:
-        """Return the patch of nodes (m,) int with a weight of one each."""
-        ones = np.ones(len(nodes))
-        values = sp.csr_array((ones, (np.arange(len(nodes)), nodes)), shape=(len(nodes), self.nodes))
-        return Patch(self.coordinates[nodes], ones, values)
+    def patch(self, places: np.ndarray) -> Patch:
+        """Return the patch of nodes of the mesh, columns (m,) int of `mesh.doflocs`, with a weight of one each.
+
+        Displacements of order 1 have those of corners alone. Displacements of order 3 are interpolated at middles of
+        edges, faces and cells.
+
+        Raises
+        ------
+        SceneError
+            Displacements of order 1 have none of them.
+        """
+        if self.order == 3 and (places >= self.mesh.nvertices).any():
+            own = np.asarray(self.mesh.dofs.element_dofs)  # (27, elements)
+            columns, first = np.unique(own, return_index=True)
+            local, element = np.divmod(first[np.searchsorted(columns, places)], own.shape[1])
+            shapes = shape_functions(self.element, np.asarray(self.mesh.elem().doflocs).T)[0][:, local]
+            points, node = self.mesh.doflocs.T[places], np.asarray(self.dofs.element_dofs)[:, element]
+        else:
+            nodes = self.nodes_at(places)
+            points, node, shapes = self.coordinates[nodes], nodes[None], np.ones((1, len(nodes)))
+        some = np.abs(shapes) >= ROUNDED
+        rows = np.broadcast_to(np.arange(len(points)), shapes.shape)
+        values = sp.csr_array((shapes[some], (rows[some], node[some])), shape=(len(points), self.nodes))
+        return Patch(points, np.ones(len(points)), values)
 
     def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
         """Return quadrature points and interpolation on boundary facets.

@@ -25,8 +25,7 @@ class MeshSection(Section):
         Whether files that the mesh file includes (*INCLUDE, INPUT=, the arrays of an XDMF file) may lie outside of its
         own folder and that of the scene.
     order : 1, 2 or 3
-        Polynomial order of the displacements; 3 for hexahedra alone, and not with node sets that have nodes at middles
-        of edges, which are refused.
+        Polynomial order of the displacements; 3 for hexahedra alone.
     disc_pad : table
         Parametric geometry.
     block : table

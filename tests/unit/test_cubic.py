@@ -82,15 +82,29 @@ def test_a_cubic_field_is_exact_on_surfaces_of_boxes():
     np.testing.assert_allclose(surface.values @ at_nodes, at_points, atol=1e-13)
 
 
+def test_what_a_node_set_moves_by_is_interpolated_at_its_middles():
+    space, slopes = make_space(MESHES["ring"], 3, []), np.array([1.0, 0.3, -1.0])
+    places = np.random.default_rng(5).permutation(space.mesh.doflocs.shape[1])[:90]  # corners and all kinds of middles
+    patch = space.patch(places)
+    np.testing.assert_allclose(patch.points, space.mesh.doflocs.T[places], atol=1e-15)
+    np.testing.assert_allclose(patch.values @ (space.coordinates @ slopes), patch.points @ slopes, atol=1e-14)
+    corner = places < space.mesh.nvertices
+    np.testing.assert_allclose(patch.values[corner].max(axis=1).toarray(), 1.0, atol=1e-13)
+    plain = make_space(box("hex1", (2, 2, 2)), 3, [])
+    curved = make_space(skfem.MeshHex2.from_mesh(plain.mesh), 3, [])
+    every = curved.patch(np.arange(curved.mesh.doflocs.shape[1]))
+    at_nodes, at_points = (x[:, 0] ** 3 * x[:, 1] - x[:, 2] ** 2 for x in (curved.coordinates, every.points))
+    np.testing.assert_allclose(every.values @ at_nodes, at_points, atol=1e-13)
+
+
 def test_tetrahedra_and_nodes_at_middles_of_edges_are_refused():
     with pytest.raises(SceneError, match=r"mesh\.order: given 3; expected 1 or 2 for tetrahedra"):
         make_space(box("tet1", (1, 1, 1), (1.0, 1.0, 1.0)), 3, [])
     space = make_space(MESHES["ring"], 3, [])
     corners = np.arange(space.mesh.nvertices)
     np.testing.assert_allclose(space.coordinates[space.nodes_at(corners)], space.mesh.doflocs.T[corners], atol=1e-15)
-    for between in (False, True):  # a corner, and the middle of an edge without its ends
-        with pytest.raises(SceneError, match="a node set has nodes at middles of edges"):
-            space.nodes_at(np.array([0, space.mesh.nvertices]), between)
+    with pytest.raises(SceneError, match="a node set has the middle of an edge without its ends"):
+        space.nodes_at(np.array([0, space.mesh.nvertices + 30]), between=True)
 
 
 def test_a_node_set_of_corners_holds_what_is_between_them():
