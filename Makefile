@@ -131,7 +131,7 @@ docs/accuracy_and_cost.md: .venv/installed-test
 	$(BIN)/python benchmarks/mesh_bars.py --write
 	$(BIN)/python benchmarks/onset_bars.py --write
 
-docs/cluster.md: .venv/installed-test
+docs/cluster.md: .venv/installed-test .venv-mpi/installed  # and python3-slepc4py, see benchmarks/direct_solves.py
 	$(BIN)/python benchmarks/cluster.py --write
 	$(BIN)/python benchmarks/direct_solves.py --write
 

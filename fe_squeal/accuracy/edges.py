@@ -26,6 +26,7 @@ from ..fem.facets import facet_edges
 from ..fem.places import nodes_there
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
+from ..mesh.node_sets import find_nodes
 
 _INWARDS = 20.0  # degrees: an angle between facets that is larger than 180° by more than this turns inwards
 _RIGHT = 100.0  # degrees: up to this angle a mirrored body has no edge that turns inwards
@@ -110,13 +111,13 @@ def acting_on_points(assembly: Assembly) -> list[str]:
     ----------
     assembly : Assembly
     """
-    mesh, space = assembly.loaded.mesh, assembly.space
-    faces = mesh.facets[:, mesh.boundary_facets()]  # corners have the same numbers among the nodes of displacements
+    mesh = assembly.loaded.mesh
+    faces = mesh.facets[:, mesh.boundary_facets()]
     found: list[str] = []
     for path, kind, group in holding(assembly.scene):
         if kind == "surface" or not path.startswith(("supports", "springs")):
             continue
-        nodes = nodes_there(space, assembly.loaded, kind, group, path)
+        nodes = find_nodes(assembly.loaded, group, path).nodes
         if not np.isin(faces, nodes).all(axis=0).any() and path not in found:
             found.append(path)
     return found

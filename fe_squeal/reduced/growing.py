@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..eigen.growth import sizes
 from ..eigen.linear.choice import factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.pencil import Modes
@@ -21,7 +20,7 @@ from .estimate import Estimate, neighbours
 from .missing import (
     COMPLEX_SOLVES,
     SEARCH_SOLVES,
-    gyroscopic_size,
+    end_of_range,
     missing_modes,
     search_vectors,
     search_vectors_complex,
@@ -29,7 +28,7 @@ from .missing import (
 )
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
-from .soft import SOFT_SOLVES, leaves_friction_out, vectors_beside
+from .soft import leaves_friction_out, vectors_beside
 from .undamped import weighted
 from .vectors import thin_svd, unit_columns
 
@@ -37,6 +36,7 @@ _NODES = 24  # largest number of values whose modes span the basis
 _CANDIDATES = 5  # number of values among which the one with the largest error is next
 _KEPT = 0.1  # times √tolerance: parts of unit modes outside the basis that are shorter are left out
 _FURTHER = 0.3  # times what an error may be: each time that modes are added at a value once more
+_COUNTED = 25  # values at which soft directions are counted, at most, where K is not linear in the parameter
 _SUPPLEMENTS = 6  # how often the basis is extended for values that were no candidates
 
 
@@ -109,36 +109,34 @@ class GrowingModel(ModesAtPlaces):
     def _far_from_the_start(self, values: np.ndarray) -> set[Place]:
         """Return where modes are looked for that are soft there and in no mode of the basis.
 
-        These are the ends of the sweep, and if K is not linear in the parameter also the middle: one that is soft
-        elsewhere alone may still be missed.
+        These are the ends of the sweep, and if K is not linear in the parameter values between them too: one that is
+        soft elsewhere alone may still be missed.
         """
         assert isinstance(self.parameter, str)
         places: set[Place] = {float(values[0]), float(values[-1])}
         if not is_linear(self.basis.problem, self.parameter):
-            places.add(float(values[len(values) // 2]))
+            places.update(spread(values, _COUNTED))
         return places
 
     def _add_soft(self, places: Iterable[Place]) -> bool:
         """Add modes that are soft at some places and in no mode of the basis, and return whether there are any."""
         places = sorted(places)
-        sizes_at = {p: gyroscopic_size(self.basis.at(p)) for p in places}
-        whirls = max(sizes_at, key=lambda p: (sizes_at[p], p)) if any(sizes_at.values()) else None
         found: list[np.ndarray] = []
         for value in places:
-            for outside in self._brought_down(value, value == whirls):
+            for outside in self._brought_down(value):
                 known = [self._every(value)]
                 found += missing_modes(self.basis, [value], known, self.request, self.highest, outside)
         return bool(found) and self.basis.append(np.hstack(found)) > 0
 
-    def _brought_down(self, value: Place, whirls: bool) -> Iterator[np.ndarray]:
+    def _brought_down(self, value: Place) -> Iterator[np.ndarray]:
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
-        Gyroscopic terms may bring a mode down, and no count tells: where these are largest, which `whirls` says, it is
-        looked for by complex factors of Q in the band, with some tens of solves, unless they are too small for that.
+        Gyroscopic terms may bring a mode down, which is not counted: it is looked for by complex factors of Q in the
+        band, with some tens of solves, unless they are too small for that.
         """
-        highest = float(sizes(self._estimated(value)[0].lam).max(initial=0.0)) or self.highest
-        if whirls and highest**2 + highest * whirl_rate(self.basis.at(value)) > self.highest**2:
+        highest = end_of_range(self._every(value), self.request, self.highest)
+        if highest**2 + highest * whirl_rate(self.basis.at(value)) > self.highest**2:
             self._corrections.solves += COMPLEX_SOLVES
             # No name here holds the factors, so that they are free before others take memory.
             yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))
@@ -146,9 +144,10 @@ class GrowingModel(ModesAtPlaces):
             self._corrections.factorizations += 1
             beside = vectors_beside(self.basis, value, highest, self.linear_solver)
             if beside is not None:
+                outside, solves = beside
                 self._corrections.factorizations += 1
-                self._corrections.solves += SOFT_SOLVES
-                yield beside
+                self._corrections.solves += solves
+                yield outside
 
     def _misses(self, value: Place, off: float) -> NotConvergedError:
         return NotConvergedError(

@@ -19,7 +19,9 @@ from .basis import ReducedBasis
 from .vectors import real_columns
 
 _SEED, _BLOCK, _STEPS = 20251107, 8, 5
-_FOUND = 0.99  # times the highest |λ| asked for: a mode below this that only the extended basis has was missing
+# Times the end of the range: a mode below that which only the extended basis has was missing. It is rough, and so lies
+# too high, if anything; the basis has modes beyond the range.
+_BEYOND = 1.05
 _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 _BLOCK_COMPLEX = 4  # whose solutions have a real part and an imaginary one each
@@ -67,12 +69,6 @@ def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
     return np.array(trial.V[:, len(basis) :], order="C")
 
 
-def gyroscopic_size(problem: Problem) -> float:
-    """Return a size, N s/m, of the terms in C that are not symmetric, at the problem's parameters; 0 without any."""
-    at, terms = problem.parameters, [t for t in problem.terms if t.slot == "C" and not t.symmetric]
-    return float(sum(abs(t.coefficient(at)) * abs(t.matrix).max() for t in terms if t.coefficient(at)))
-
-
 def whirl_rate(problem: Problem) -> float:
     """Return the bound of `gyroscopic_rate`, rad/s, at the problem's parameters; infinite with other terms in C.
 
@@ -111,9 +107,8 @@ def missing_modes(
     found = []
     for p, known in zip(values, before, strict=True):
         every = trial.modes(p, highest)
-        wanted = select_wanted(every, request, np.inf)
-        assert wanted is not None
-        limit = _FOUND * sizes(wanted.lam).max(initial=0.0)
+        end = end_of_range(known, request, highest)
+        limit = clear_place(np.append(sizes(every.lam), sizes(known.lam)), end, max(min(_BEYOND * end, highest), end))
         now, then = _inside(every, limit), _inside(known, limit)
         if len(now) > len(then):
             # The new modes are those farthest from any that was known.
@@ -121,6 +116,37 @@ def missing_modes(
             new = now[np.argsort(far)[len(then) - len(now) :]]
             found.append(real_columns(lift(trial.V, every.right[:, new])))
     return found
+
+
+def end_of_range(modes: Modes, request: Request, highest: float) -> float:
+    """Return where the range that was asked for ends, rad/s, at most the frequency `highest`.
+
+    Parameters
+    ----------
+    modes : Modes
+        Those that are known, by which it ends where a number of modes is asked for. Others that were missing may lie
+        anywhere below.
+    request : Request
+    highest : float, rad/s
+    """
+    if request.max_frequency_hz is not None:
+        return min(2 * np.pi * request.max_frequency_hz, highest)
+    wanted = select_wanted(modes, request, np.inf)
+    assert wanted is not None
+    return min(float(sizes(wanted.lam).max(initial=0.0)) or highest, highest)
+
+
+def clear_place(values: np.ndarray, low: float, high: float) -> float:
+    """Return the middle of the widest gap between two numbers, low ≤ high, in which none of some values (k,) lies.
+
+    Examples
+    --------
+    >>> clear_place(np.array([0.5, 1.02, 1.2]), 1.0, 1.1)
+    1.06
+    """
+    edges = np.sort(np.append(values[(values > low) & (values < high)], [low, high]))
+    widest = int(np.diff(edges).argmax())
+    return float(edges[widest] + edges[widest + 1]) / 2
 
 
 def holds_all(

@@ -19,10 +19,13 @@ from ..problem.terms import sum_matrices
 from .basis import ReducedBasis
 from .vectors import DEPENDENT, normalising, thin_svd
 
-_TRIED = np.linspace(0.8, 0.98, 7)  # parts of the square of the highest frequency: where soft directions are counted
+_TRIED = np.linspace(1.0, 1.05, 7)  # times the square of the range's end: where soft directions are counted
+# A search has blocks of _BLOCK vectors, or of more where so many directions are lacking that _STEPS such blocks would
+# hardly hold them. Whether they do is seen after every _STEPS steps, of which there are _MOST at most.
 _SEED, _BLOCK, _STEPS, _MOST = 20251107, 8, 5, 40
-SOFT_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 _RANK = 1e-13  # eigenvalue of VᵀMV for vectors of unit mass: directions below are not taken off
+_MASSLESS = 1e-12  # of the largest mass among vectors of V: what has less has a θ far above c
+_NOTHING = 1e-20  # of the mass that vectors had: what is left outside V and W, if it is less, is rounding
 
 
 def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
@@ -34,13 +37,13 @@ def leaves_friction_out(basis: ReducedBasis, value: Place) -> bool:
 
 def vectors_beside(
     basis: ReducedBasis, value: Place, highest: float, linear_solver: LinearSolver
-) -> np.ndarray | None:  # fmt: skip
+) -> tuple[np.ndarray, int] | None:  # fmt: skip
     """Return vectors (n, ·) of the soft directions of the symmetric part K_s of K at a value, which the basis lacks.
 
     The basis began with the modes at one value without friction. A part of the brake that is stiff there and soft at
     another value, and hardly coupled to the rest, is in none of its modes. But uᵀ(K_s − cM)u < 0 for the motion u of
-    that part: K_s − cM has more negative eigenvalues than its projection, if c is about the square of the highest
-    frequency asked for. If K is linear in the parameter, there are such u between two values only where there are at
+    that part: K_s − cM has more negative eigenvalues than its projection, if c is about the square of where the
+    range ends. If K is linear in the parameter, there are such u between two values only where there are at
     one of these.
 
     Parameters
@@ -48,14 +51,19 @@ def vectors_beside(
     basis : ReducedBasis
     value : float or tuple of float
     highest : float, rad/s
-        The highest frequency asked for.
+        Where the range that was asked for ends.
     linear_solver : LinearSolver
 
     Returns
     -------
-    (n, ·) float or None
-        None where the basis has as many soft directions as K_s. Where the solver does not count them they are searched
-        for.
+    (n, ·) float and int, or None
+        The vectors, and for how many right-hand sides was solved. None where the basis has as many soft directions as
+        K_s. Where the solver does not count them they are searched for.
+
+    Raises
+    ------
+    NotConvergedError
+        As `soft_vectors`.
     """
     M, _, K, _ = basis.matrices(value)
     K = (K + K.T).real / 2
@@ -82,8 +90,8 @@ def _symmetric_part(problem: Problem) -> Pencil:
 
 def soft_vectors(
     V: Columns, M: np.ndarray, K: np.ndarray, soft: Pencil, c: float, factor: Factor, counted: int | None = None
-) -> np.ndarray:  # fmt: skip
-    """Return vectors u that a basis V lacks of the space in which uᵀ(K_s − cM)u < 0.
+) -> tuple[np.ndarray, int]:  # fmt: skip
+    """Return vectors u that a basis V lacks of the space in which uᵀ(K_s − cM)u < 0, and for how many it was solved.
 
     Some steps of block Lanczos iteration with (K_s − cM)⁻¹M find them, since they have the lowest eigenvalues of that
     operator, and these alone are negative. The vectors W of the iteration are orthonormal in the mass matrix and
@@ -106,28 +114,30 @@ def soft_vectors(
 
     Returns
     -------
-    (n, k) float
+    (n, k) float, and int
 
     Raises
     ------
     NotConvergedError
-        Fewer soft directions than were counted are found.
+        Another number of soft directions is found than was counted.
     """
-    mass, T = soft.M, normalising(M, np.flatnonzero(M.diagonal() > 0), _RANK)
+    mass, T = soft.M, _of_unit_mass(M, _MASSLESS * M.diagonal().max(initial=0.0), _RANK)
     VKV = T.T @ K @ T
     known = int(np.count_nonzero(la.eigvalsh(VKV) < c))
+    lacking = 0 if counted is None else counted - known
 
     def outside(X: np.ndarray, W: np.ndarray) -> np.ndarray:
         MX = times(mass, X)
         return X - combine(V, T @ (T.T @ cross(V, MX))) - combine(W, cross(W, MX))
 
-    W = np.zeros((len(V), 0))
-    block = np.random.default_rng(_SEED).standard_normal((len(V), _BLOCK))
+    W, solves, found = np.zeros((len(V), 0)), 0, known
+    block = np.random.default_rng(_SEED).standard_normal((len(V), _BLOCK + max(lacking, 0) // _STEPS))
     for step in range(1, _MOST + 1):
         X = factor.solve(times(mass, block))
+        solves += block.shape[1]
+        before = float(np.einsum("ij,ij->j", X, times(mass, X)).max(initial=0.0))
         X = outside(outside(X, W), W)
-        gram = cross(X, times(mass, X))
-        block = X @ normalising(gram, np.flatnonzero(gram.diagonal() > 0), DEPENDENT)
+        block = X @ _of_unit_mass(cross(X, times(mass, X)), _NOTHING * before, DEPENDENT)
         W = np.hstack([W, block])
         if block.shape[1] and step % _STEPS:
             continue
@@ -135,9 +145,14 @@ def soft_vectors(
         VKW = T.T @ cross(V, KW)
         theta, y = la.eigh(np.block([[VKV, VKW], [VKW.T, cross(W, KW)]]))
         below = theta < c
-        more = max(int(np.count_nonzero(below)) - known, 0)
-        if counted is None or known + more >= counted:
-            return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, :more])
-        if not block.shape[1]:
+        found = int(np.count_nonzero(below))
+        if counted is None or found == counted:
+            return combine(W, thin_svd(y[T.shape[1] :, below])[0][:, : max(found - known, 0)]), solves
+        if not block.shape[1] or found > counted:  # no subspace has more of them but by rounding
             break
-    raise NotConvergedError(f"{counted} soft directions are counted where the reduced model finds {known + more}")
+    raise NotConvergedError(f"{counted} soft directions are counted where the reduced model finds {found}")
+
+
+def _of_unit_mass(gram: np.ndarray, least: float, dependent: float) -> np.ndarray:
+    """Return T as `normalising` of those columns whose mass, on the diagonal of their Gram matrix, is above `least`."""
+    return normalising(gram, np.flatnonzero(gram.diagonal() > least), dependent)

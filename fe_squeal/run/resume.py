@@ -53,7 +53,8 @@ def another_run(out: Path, what: str, found: list[str]) -> SceneError:
 def is_estimated(out: Path) -> bool:
     """Return whether finished results have estimates of the error of the mesh."""
     record = read_json(out / RECORD)
-    return isinstance(record, dict) and "estimate" in (record.get("seconds") or {})
+    seconds = record.get("seconds") if isinstance(record, dict) else None
+    return isinstance(seconds, dict) and "estimate" in seconds
 
 
 def show_finished(out: Path, console: Console) -> int:

@@ -98,7 +98,7 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     inputs = run_inputs(scene, mesh)
     checkpoint = Checkpoint(held)
     finished = resume and is_finished(out, checkpoint, inputs)
-    if finished and (is_estimated(out) or not estimate):
+    if finished and (not estimate or is_estimated(out)):
         if scene.output.report and (checkpoint.exists or not (out / REPORT).exists()):
             write_run_report(out, out / REPORT)  # which an interruption behind the tables has left missing or old
         checkpoint.remove()

@@ -64,7 +64,9 @@ class BodyTable(Section):
 class Support(Placed):
     """A surface group, or a node set, on which displacement components are held.
 
-    Of a node set it also holds the nodes that elements of order 2 and 3 have between those of the set.
+    Of a node set it also holds the nodes that elements of order 2 and 3 have between those of the set and the file
+    lacks. Of a file with midside nodes it holds those that the set lists; with order 3 these are the edges and faces
+    whose middles it lists.
 
     Attributes
     ----------

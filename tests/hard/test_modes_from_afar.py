@@ -78,6 +78,60 @@ def test_friction_that_softens_modes_far_beyond_the_range(kind, alpha, values):
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
 
 
+FAR = {
+    "whirl": ([[0.0, -2.0], [2.0, 0.0]], [[0.0, 20.0], [-20.0, 0.0]]), "flutter": ([[-56.0, 1.0], [-1.0, -56.0]], None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("values", some([((1.0,),), ((0.0, 0.5, 1.0),)], lambda values: len(values) == 1))
+@pytest.mark.parametrize("kind", FAR)
+def test_the_mode_from_afar_may_be_the_highest_one_of_the_range(kind, values):
+    """All others end at 2 rad/s, and the range at 3.5: a search up to the highest known mode would not see it."""
+    stiffness = np.concatenate([np.linspace(1, 2, 20), np.linspace(6, 20, N - 22), [8.0, 8.0]]) ** 2
+    friction, gyroscopic = (None if x is None else np.array(x) for x in FAR[kind])
+    lam = eigenvalues(stiffness, friction, gyroscopic, 0.01)
+    result = sweep(problem(stiffness, friction, gyroscopic, 0.01), values, "p", max_frequency=3.5 / (2 * np.pi),
+                   method="reduced")  # fmt: skip
+    modes = result.points[-1].modes
+    expected = lam[(lam.real > 1e-6) & (lam.imag > 0) & (lam.imag < 3.5)]
+    assert len(expected)
+    np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
+
+
+def stiffened(case: Problem, *parts: tuple[float, int]) -> Problem:
+    """Return the problem with (factor, power) · 1 as further stiffness of the last two oscillators."""
+    last = np.zeros((N, N))
+    last[-2:, -2:] = np.eye(2)
+    own = sp.csr_array(TURN.T @ last @ TURN)
+    more = (Term(f"own{i}", "K", own * factor, True, {"p": power}) for i, (factor, power) in enumerate(parts))
+    return replace(case, terms=(*case.terms, *more))
+
+
+def test_a_whirl_in_the_middle_of_a_sweep_of_speeds():
+    """Gyroscopic forces bring it down, and stiffening by p² takes it away again: it is in range at p = 3.5 alone."""
+    stiffness, rates = np.append(np.linspace(1, 20, N - 2), [8.0, 8.0]) ** 2, np.array([[0, 20.0], [-20.0, 0]])
+    driving = np.array([[0, -2.0], [2.0, 0]])
+    case = stiffened(problem(stiffness, driving, rates, 0.01), (5.0, 2))
+    result = sweep(case, (0.0, 3.5, 20.0), "p", max_frequency=2.1 / (2 * np.pi), method="reduced")
+    lam = eigenvalues(stiffness + 5 * 3.5**2, 3.5 * driving, 3.5 * rates, 0.01)
+    expected = lam[(lam.real > 1e-6) & (lam.imag > 0) & (lam.imag < 2.1)]
+    modes = result.points[1].modes
+    assert len(expected)
+    np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_part_that_is_soft_at_one_value_between_others():
+    """Its stiffness is 324 − 2584p + 5168p², 1 at p = 0.25, where friction makes the two oscillators flutter."""
+    stiffness, friction = np.append(np.linspace(1, 20, N - 2), [18.0, 18.0]) ** 2, np.array([[0, -1.0], [1.0, 0]])
+    case = stiffened(problem(stiffness, friction, None, 0.0), (-2584.0, 1), (5168.0, 2))
+    values = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 1.0)
+    result = sweep(case, values, "p", max_frequency=2.5 / (2 * np.pi), method="reduced")
+    lam = eigenvalues(np.full(N, 1.0), 0.25 * friction, None, 0.0)
+    modes, expected = result.points[2].modes, lam[(lam.real > 0) & (lam.imag > 0)]
+    np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
+
+
 def test_soft_directions_are_searched_for_until_there_are_as_many_as_counted(monkeypatch):
     """One step of the search is hardly ever enough, and as many as there are as a rule were not from every start."""
     monkeypatch.setattr("fe_squeal.reduced.soft._STEPS", 1)
@@ -140,6 +194,23 @@ def test_the_rate_of_gyroscopic_terms_is_a_bound():
     for omega in swinging[swinging > 0][:40] * (1 + 1e-6):
         own = np.count_nonzero((swinging > 0) & (swinging <= omega))
         assert own <= np.count_nonzero(theta <= omega**2 + true * omega)
+
+
+@pytest.mark.slow
+def test_motions_without_mass_do_not_count_as_soft_by_rounding():
+    """A mass on a massless unknown, whose spring to the ground depends on p: 1e-18 of a mass in the basis is none."""
+    stiffness, friction = np.append(np.linspace(1, 10, N - 2), [10.0, 10.0]) ** 2, np.array(GROWTH["divergence"])
+    case, none = problem(stiffness, friction, None, 0.0), np.zeros((2, 2))
+    beside = {"M0": np.diag([1.0, 0.0]), "K1": np.array([[10.0, -10.0], [-10.0, 12.55]])}
+    terms = [replace(t, matrix=sp.csr_array(sp.block_diag([t.matrix, beside.get(t.name, none)]))) for t in case.terms]
+    spring = sp.csr_array(sp.block_diag([sp.csr_array((N, N)), np.diag([0.0, -2.45])]))
+    wide = replace(case, terms=(*terms, Term("spring", "K", spring, True, {"p": 1})))
+    result = sweep(wide, (-1.0, -0.5, 0.0, 0.5, 1.0), "p", max_frequency=2.2 / (2 * np.pi), method="reduced")
+    for point, p in zip(result.points, (-1.0, -0.5, 0.0, 0.5, 1.0), strict=True):
+        lam = eigenvalues(stiffness, p * friction, None, 0.0)
+        expected = lam[(lam.real > 1e-6) & (lam.imag >= 0) & (lam.imag < 2.2)]
+        found = point.modes.lam[point.modes.stability == "unstable"]
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("C", [np.eye(60, k=1), np.eye(60, k=1) - np.eye(60, k=-1)])

@@ -86,7 +86,7 @@ def test_soft_directions_are_those_that_a_basis_lacks(coupling: float) -> None:
     K = sp.csr_array((soft.K + soft.K.T) / 2)
     V = la.eigh(K[:N, :N].toarray(), soft.M[:N, :N].toarray())[1][:, :40]
     V = np.vstack([V, np.zeros((2, 40))])
-    u = soft_vectors(V, V.T @ (soft.M @ V), V.T @ (K @ V), replace(soft, K=K), c, factorize(K - c * soft.M, True))
+    u, _ = soft_vectors(V, V.T @ (soft.M @ V), V.T @ (K @ V), replace(soft, K=K), c, factorize(K - c * soft.M, True))
     assert u.shape[1] == 2
     W = la.qr(np.hstack([V, u]), mode="economic")[0]
     theta = la.eigvalsh(W.T @ (K @ W), W.T @ (soft.M @ W))
