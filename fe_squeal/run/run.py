@@ -309,8 +309,11 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
     c = result.completeness
     how = "LAPACK finds all modes" if result.points[0].modes.exhaustive else "by the inertia of K − σM"
     counted = "counted without damping and friction, and followed from there by a reduced model"
+    is_quadratic = result.problem.problem_class == "quadratic" and not result.points[0].modes.exhaustive
+    if is_quadratic and result.reduced_model is None:
+        counted = "not proven; searched for again around another shift"
     proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
-    if result.problem.problem_class == "quadratic" and not result.points[0].modes.exhaustive:
+    if is_quadratic:
         proof += f"; of damping ratios above {LIGHT:g} only those near others"
     console.print(
         f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "

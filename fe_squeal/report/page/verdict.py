@@ -47,7 +47,7 @@ def doubts(results: Results) -> list[str]:
     if count and not count.get("proven"):
         found.append(
             "The number of modes is not proven at the first value"
-            + (", but counted without damping and friction." if count.get("expected") is not None else ".")
+            + (", but found in two ways." if count.get("expected") is not None else ".")
         )
     if record.get("unstable_above_range"):
         text = str(record["unstable_above_range"])
