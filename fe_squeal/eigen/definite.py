@@ -1,4 +1,4 @@
-"""Which signs the eigenvalues of a symmetric matrix have, roughly and at the price of some products."""
+"""Which signs the eigenvalues of a symmetric matrix have."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ..errors import NotConvergedError
 from .blocks import times
+from .linear.choice import negative_eigenvalues
 
 _STEPS, _SEED = 30, 20261127
 _ROUNDING = 1e-10  # of the largest |eigenvalue|: one that is smaller counts as zero
+_RAISED = 1e-9  # of the diagonal: an eigenvalue nearer to zero, in these units, is zero
 
 
 def signs_of(A: sp.csr_array) -> set[int]:
-    """Return the signs, 1 and −1, that uᵀAu of a symmetric A (n, n) takes, by Lanczos iteration; {} for A = 0.
+    """Return the signs, 1 and −1, that uᵀAu of a symmetric A (n, n) may take; {} for A = 0.
 
-    Ritz values lie between the smallest and the largest eigenvalue, and tend to these first: a sign that is told is
-    there. One is missed where the eigenvalues that have it are far smaller than the others.
+    Ritz values of a Lanczos iteration lie between the smallest and the largest eigenvalue, and tend to these first: a
+    sign that they have is there. The other one may be that of far smaller eigenvalues: it is left out only where the
+    inertia of A, with its diagonal raised by `_RAISED` times its size, says that there are none.
 
     Examples
     --------
@@ -37,4 +41,17 @@ def signs_of(A: sp.csr_array) -> set[int]:
             v = v - Q @ (Q.T @ v)
     theta = la.eigvalsh(Q.T @ times(part, Q))
     size = float(np.abs(theta).max())
-    return {sign for sign in (1, -1) if (sign * theta > _ROUNDING * size).any()}
+    found = {sign for sign in (1, -1) if (sign * theta > _ROUNDING * size).any()}
+    return found if len(found) == 2 or _has_one_sign(part, found) else {1, -1}
+
+
+def _has_one_sign(A: sp.csr_array, found: set[int]) -> bool:
+    """Return whether eigenvalues of A have this sign alone, or are zero; False where that is not known."""
+    (sign,) = found or {1}
+    diagonal = sign * A.diagonal()
+    if diagonal.min() <= 0:  # a row with entries beside a zero on the diagonal has both signs
+        return False
+    try:
+        return negative_eigenvalues(sp.csr_array(sign * A + sp.diags_array(_RAISED * diagonal))) == 0
+    except NotConvergedError:
+        return False

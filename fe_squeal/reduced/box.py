@@ -15,7 +15,7 @@ from ..eigen.request import Request
 from ..problem.parameters import Place
 from ..problem.problem import Problem
 from .basis import ReducedBasis
-from .corners import corners, has_softest_corner, softest_corner
+from .corners import are_all_corners, corners, has_softest_corner, softest_corner
 from .estimate import SLIGHT, CertifiedBasis, Estimate, OnlineModel, neighbours
 from .lowest import Blocks, KnownModes
 from .model import ReducedModel
@@ -102,7 +102,7 @@ class BoxModel(ReducedModel):
         self._corrections.release()  # before others take memory
         before = len(self.basis)
         far = corners(problem, names, low, high)
-        self.proven = has_softest_corner(problem, names, low, high)
+        self.proven = has_softest_corner(problem, names, low, high) and are_all_corners(problem, names, low, high)
         soft = self._add_soft(far if self.proven else far.union(self._counted_at(draw(0))))
         self._exact = np.r_[:first, before : len(self.basis)]
         if soft:

@@ -10,7 +10,7 @@ import numpy as np
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 
-_CORNERS = 8  # places that are returned, at most, beside the softest corner
+_CORNERS = 16  # places that are returned, at most, beside the softest corner: the ends of four parameters
 
 
 def softest_corner(
@@ -79,6 +79,26 @@ def _softening(
     return found
 
 
+def are_all_corners(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
+) -> bool:  # fmt: skip
+    """Return whether `corners` has both ends of all parameters that it should, in all combinations."""
+    start = softest_corner(problem, parameters, low, high)
+    return 2 ** len(_open_ends(problem, parameters, low, high, start)) <= _CORNERS
+
+
+def _open_ends(
+    problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray,
+    start: tuple[float, ...],
+) -> list[int]:  # fmt: skip
+    """Return the parameters, by position, on which such forces depend or that have no end where all is softest."""
+    pushing = {q for t in problem.terms if not t.symmetric for q in t.powers}
+    return [
+        k for k, p in enumerate(parameters)
+        if low[k] != high[k] and (start[k] not in (low[k], high[k]) or pushing.intersection(paths_of(p)))
+    ]  # fmt: skip
+
+
 def corners(
     problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
 ) -> set[tuple[float, ...]]:  # fmt: skip
@@ -104,11 +124,7 @@ def corners(
     [(0.8, 0.0), (0.8, 0.3), (0.8, 0.6)]
     """
     start = softest_corner(problem, parameters, low, high)
-    pushing = {q for t in problem.terms if not t.symmetric for q in t.powers}
-    both = [
-        k for k, p in enumerate(parameters)
-        if low[k] != high[k] and (start[k] not in (low[k], high[k]) or pushing.intersection(paths_of(p)))
-    ]  # fmt: skip
+    both = _open_ends(problem, parameters, low, high, start)
     ends = [[float(low[k]) for k in both], [float(high[k]) for k in both]]
     chosen = product(*zip(*ends, strict=True)) if 2 ** len(both) <= _CORNERS else ends
     places = {start}

@@ -221,7 +221,7 @@ def make_solver(
         " miss the tolerance"
     )
     if not box.proven:
-        why += "; no corner has the least stiffness of all: modes are counted at places, and not proven between them"
+        why += "; the softest corner is not known: modes are counted at places, and not proven between them"
     return Solver(CertifiedModel(online or box.certified()), direct, box, why)
 
 
