@@ -23,7 +23,8 @@ _STEPS = 3  # of inverse iteration; each takes a digit or so off the angle betwe
 _SHIFT = 0.5  # of the square of the highest frequency asked for: the shift of the iteration
 _SMALL = 0.5  # of the size of the projection: with more columns than that LAPACK on all of it costs no more
 _BEYOND = 1.01  # times that square: no other mode may be below
-_KNOWN = 1.4  # times that square: modes up to there are exact enough to be moved upwards
+_KNOWN = 1.4  # times that square: modes up to there are moved upwards if they are exact enough
+_EXACT = 1e-5  # of that square: the largest residual of such a mode; a rough one may be the image of another mode below
 _MOVED = 1e3  # times the largest entry of the matrix: by how much
 
 
@@ -147,8 +148,11 @@ def _complete(M: np.ndarray, K: np.ndarray, modes: Modes, square: float) -> bool
     """Return whether all other modes have a Re θ above the square of a frequency."""
     assert modes.left is not None
     theta = -(modes.lam**2)
-    moved = np.flatnonzero((theta.real <= _KNOWN * square) & (modes.lam.real >= 0))
-    N = la.qr(M @ real_columns(modes.left[:, moved]), mode="economic", check_finite=False)[0]
+    known = np.flatnonzero((theta.real <= _KNOWN * square) & (modes.lam.real >= 0))
+    left, My = modes.left[:, known], M @ modes.left[:, known]
+    rest = np.linalg.norm(K.T @ left - My * theta[known].conj(), axis=0)
+    exact = rest <= _EXACT * square * np.linalg.norm(My, axis=0)
+    N = la.qr(M @ real_columns(left[:, exact]), mode="economic", check_finite=False)[0]
     S = (K + K.T) / 2 - _BEYOND * square * M
     S += _MOVED * np.abs(S).max() * (N @ N.T)
     return int(la.lapack.dpotrf(S, clean=False, overwrite_a=True)[1]) == 0
