@@ -82,7 +82,7 @@ def _softening(
 def are_all_corners(
     problem: Problem, parameters: Sequence[str], low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray
 ) -> bool:  # fmt: skip
-    """Return whether `corners` has both ends of all parameters that it should, in all combinations."""
+    """Return whether `corners` has all combinations of both ends, low and high (d,), of the parameters that count."""
     start = softest_corner(problem, parameters, low, high)
     return 2 ** len(_open_ends(problem, parameters, low, high, start)) <= _CORNERS
 
