@@ -24,8 +24,8 @@ _SHIFT = 0.5  # of the square of the highest frequency asked for: the shift of t
 _SMALL = 0.5  # of the size of the projection: with more columns than that LAPACK on all of it costs no more
 _BEYOND = 1.01  # times that square: no other mode may be below
 _KNOWN = 1.4  # times that square: modes up to there are moved upwards if they are exact enough
-# Of that square: the largest residual of such a mode. Chosen: modes come out of the iteration with less, and rough images
-# of modes below, which would hide these, with far more.
+# Of that square: the largest residual of such a mode. Chosen: modes come out of the iteration with less, and rough
+# images of modes below, which would hide these, with far more.
 _EXACT = 1e-3
 _MOVED = 1e3  # times the largest entry of the matrix: by how much
 
