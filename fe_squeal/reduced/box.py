@@ -45,7 +45,8 @@ class BoxModel(ReducedModel):
     larger and mass smaller, so that by the minimum principle what the basis leaves out has higher frequencies still,
     and its P-norm bounds those of other places: the estimated errors need no constant that depends on the place.
     (Greedy choice: Veroy, Prud'homme, Rovas, Patera, AIAA 2003-3847.) Where no corner is the softest one of all, it
-    begins in the middle, and modes are counted at the places that it is made for and checked at.
+    begins in the middle. Then, and where friction depends on so many parameters that some corners are left out, modes
+    are counted at the places that it is made for and checked at.
 
     Attributes
     ----------
