@@ -44,7 +44,7 @@ test-again: .venv/installed-test
 NEWEST_ALONE := band checkpoint counting effects_on_demand eigen eigen_complex estimate_run found_by_fuzz lumped_properties \
 	lumped_studies marked mesh_bars reduced refining resume run_effects
 # Pages, pictures, decks and files call most of the libraries, and take a second or more a test.
-CALLING := report_* decks_* geometry* mesh_writing run_files summary
+CALLING := report_* decks_* geometry* mesh_writing run_files study_command cli_commands measured difference summary
 test-lowest: .venv-lowest/installed
 	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "not slow" tests/unit tests/regression $(NEWEST_ALONE:%=--ignore=tests/unit/test_%.py)
 	.venv-lowest/bin/pytest $(PYTEST_OPTIONS) -m "slow and not long" $(CALLING:%=tests/unit/test_%.py)

@@ -16,7 +16,8 @@ from varied_imports import SEED
 
 # Names of files without "test_": what becomes of numbers in pages, pictures, decks and folders.
 _NOT_MATHEMATICS = ("report_", "decks_", "folders", "surroundings", "safety", "damaged_results", "files_within_limits",
-                    "exchanged_folders", "isolation")  # fmt: skip
+                    "exchanged_folders", "isolation", "run_files", "study_command", "cli_commands", "lumped_studies",
+                    "measured", "mesh_writing", "difference")  # fmt: skip
 
 
 def is_mathematics(path: Path) -> bool:
