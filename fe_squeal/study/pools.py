@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,6 +17,8 @@ from ..process.isolation import isolated_children
 from ..process.signals import signals_deferred
 
 _PATIENCE = 5  # s: a scheduler has to answer within this time
+_RESTART = 120  # s: Dask starts a dead worker of this machine again within this time, or never
+_POLL = 0.02  # s: how often it is looked whether work is finished, or no worker is left
 _USED = 0.8  # of the memory that a worker may take: beyond it Dask gives the worker no more work
 
 
@@ -118,10 +121,25 @@ class Cluster:
     def __iter__(self) -> Iterator[tuple[Any, Any]]:
         while self._keys:
             with self._told():
+                self._wait()
                 future = next(self._finished)
                 key, result = self._keys.pop(future), future.result()
                 future.release()  # or workers would keep all results to the end
             yield key, result
+
+    def _wait(self) -> None:
+        """Return when some work is finished.
+
+        Dask waits for ever if a worker dies before Dask has noted that it runs, and is therefore not started again.
+        Processes of this machine do not come back from that. To a scheduler of the user's new ones may be added.
+        """
+        last = time.monotonic()
+        while not self._finished.has_ready():
+            if self._client.cluster is None or self._client.cluster.scheduler.workers:
+                last = time.monotonic()
+            elif time.monotonic() - last > _RESTART:
+                raise NotConvergedError("all workers died, and Dask did not start them again")
+            time.sleep(_POLL)
 
     def has_room(self, needed: int) -> bool:
         """Return whether every worker may take so many bytes."""

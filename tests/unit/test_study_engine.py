@@ -189,6 +189,21 @@ def test_work_that_kills_every_worker_ends_in_one_sentence() -> None:
             list(pool)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_value")
+def test_workers_that_are_not_started_again_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fe_squeal.study.pools._RESTART", 0.5)
+
+    async def left_dead(nanny: object, code: int) -> None:
+        """What Dask does of a worker that dies before it is known to run."""
+
+    monkeypatch.setattr("distributed.nanny.Nanny._on_worker_exit", left_dead)
+    with pool_of(Processes(workers=1)) as pool:
+        pool.add(die, None, [(0, 0)])
+        with pytest.raises(NotConvergedError, match="all workers died"):
+            list(pool)
+
+
 @pytest.mark.parametrize("most", some([10.0, 1e6], lambda most: most > 10))
 def test_places_where_stiffness_is_far_larger_have_all_modes(most: float) -> None:
     """Modes 7 and 8 of a chain are coupled by friction: from p = 8 on one is unstable, out of the range at p = 1.
