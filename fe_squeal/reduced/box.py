@@ -63,6 +63,7 @@ class BoxModel(ReducedModel):
     """
 
     enough = 0.3  # errors at other places are larger than at those of the making
+    _counts_start = True
 
     def __init__(
         self, problem: Problem, parameters: Sequence[str], low: np.ndarray, high: np.ndarray,

@@ -54,6 +54,7 @@ class GrowingModel(ModesAtPlaces):
     parameter: str | tuple[str, ...]
     linear_solver: LinearSolver
     enough = 1.0
+    _counts_start = False  # whether modes are counted here at the start too, where P has all of the symmetric part of K
     _start: Place  # where the basis has all modes of the problem without damping and friction
     _corrections: ModeCorrections
     _added: Counter[Place]  # how often the modes at a place were added
@@ -131,7 +132,8 @@ class GrowingModel(ModesAtPlaces):
     def _brought_down(self, value: Place) -> Iterator[np.ndarray]:
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
-        The symmetric part of K is counted, but at the start, where P has all of it unless friction is left out.
+        The symmetric part of K is counted. At the start, where P has all of it unless friction is left out, a sweep
+        counts later.
         Gyroscopic terms may bring a mode down, which is not counted: it is looked for by complex factors of Q in the
         band, with some tens of solves, unless they are too small for that.
         """
@@ -140,7 +142,7 @@ class GrowingModel(ModesAtPlaces):
             self._corrections.solves += COMPLEX_SOLVES
             # No name here holds the factors, so that they are free before others take memory.
             yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))
-        if value != self._start or leaves_friction_out(self.basis, value):
+        if value != self._start or self._counts_start or leaves_friction_out(self.basis, value):
             self._corrections.factorizations += 1
             beside = vectors_beside(self.basis, value, highest, self.linear_solver)
             if beside is not None:

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain
 from selection import some
 
+from fe_squeal.eigen import block_lanczos
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.request import Request
 from fe_squeal.problem.forms import collect_powers
@@ -105,3 +106,22 @@ def test_a_mode_that_a_negative_stiffness_brings_into_the_range(soft):
         np.testing.assert_allclose(np.sort(model.modes((x, y)).lam.imag)[:6], exact, rtol=1e-6)
         came += own < 55
     assert came >= 3
+
+
+def test_a_mode_that_the_first_iteration_misses_is_counted(monkeypatch):
+    """Neither other places nor the search tell of it: modes are those of the basis, and here a search is blind."""
+
+    def without_one(*arguments):
+        theta, vectors = block_lanczos.lowest_modes(*arguments)
+        return np.delete(theta, 2), np.delete(vectors, 2, axis=1)
+
+    monkeypatch.setattr("fe_squeal.reduced.begun.lowest_modes", without_one)
+    monkeypatch.setattr("fe_squeal.reduced.growing.search_vectors", lambda basis, factor: np.zeros((len(basis.V), 0)))
+    problem, theta = lone("corner")
+
+    def places(i):
+        return [tuple(map(float, u)) for u in sobol_points(20, 2, i)]
+
+    model = BoxModel(problem, ("x", "y"), np.zeros(2), np.ones(2), places, Request(6, None, 1e-6))
+    exact = np.sort(np.sqrt(np.append(theta[:-1], 605.0 - 600 * 0.2) + 0.3 - 1e-4))[:6]
+    np.testing.assert_allclose(np.sort(model.modes((0.2, 0.3)).lam.imag)[:6], exact, rtol=1e-6)
