@@ -17,20 +17,13 @@ from ..problem.forms import is_linear
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .estimate import Estimate, neighbours
-from .missing import (
-    COMPLEX_SOLVES,
-    SEARCH_SOLVES,
-    end_of_range,
-    missing_modes,
-    search_vectors,
-    search_vectors_complex,
-    whirl_rate,
-)
+from .missing import SEARCH_SOLVES, end_of_range, missing_modes, search_vectors
 from .mode_corrections import ROUNDS, ModeCorrections
 from .places import ModesAtPlaces
 from .soft import leaves_friction_out, vectors_beside
 from .undamped import weighted
 from .vectors import thin_svd, unit_columns
+from .whirling import whirl_rate, whirling_vectors
 
 _NODES = 24  # largest number of values whose modes span the basis
 _CANDIDATES = 5  # number of values among which the one with the largest error is next
@@ -133,23 +126,23 @@ class GrowingModel(ModesAtPlaces):
         """Yield vectors (n, ·) that may hold modes which the terms left out of P bring into the range at a value.
 
         The symmetric part of K is counted. At the start, where P has all of it unless friction is left out, a sweep
-        counts later.
-        Gyroscopic terms may bring a mode down, which is not counted: it is looked for by complex factors of Q in the
-        band, with some tens of solves, unless they are too small for that.
+        counts later. Gyroscopic terms may bring a mode down, too: their Hermitian matrix is counted with it, unless
+        they are too small for that.
         """
         highest = end_of_range(self._every(value), self.request, self.highest)
         if highest**2 + highest * whirl_rate(self.basis.at(value)) > self.highest**2:
-            self._corrections.solves += COMPLEX_SOLVES
-            # No name here holds the factors, so that they are free before others take memory.
-            yield search_vectors_complex(self.basis, self._corrections.factorize(self.basis, value, highest))
+            self._corrections.factorizations += 1
+            yield from self._counted(whirling_vectors(self.basis, value, highest, self.linear_solver))
         if value != self._start or self._counts_start or leaves_friction_out(self.basis, value):
             self._corrections.factorizations += 1
-            beside = vectors_beside(self.basis, value, highest, self.linear_solver)
-            if beside is not None:
-                outside, solves = beside
-                self._corrections.factorizations += 1
-                self._corrections.solves += solves
-                yield outside
+            yield from self._counted(vectors_beside(self.basis, value, highest, self.linear_solver))
+
+    def _counted(self, outside: tuple[np.ndarray, int] | None) -> Iterator[np.ndarray]:
+        """Yield the vectors that a count found lacking, if any, and count the solutions that found them."""
+        if outside is not None:
+            self._corrections.factorizations += 1
+            self._corrections.solves += outside[1]
+            yield outside[0]
 
     def _misses(self, value: Place, off: float) -> NotConvergedError:
         return NotConvergedError(

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..eigen.blocks import lift, times
-from ..eigen.growth import gyroscopic_rate, sizes
+from ..eigen.growth import sizes
 from ..eigen.inertia import count_below
-from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
+from ..eigen.linear.factor import DefiniteFactor, LinearSolver
 from ..eigen.pencil import Modes, Pencil
 from ..eigen.request import Request, select_wanted
 from ..problem.parameters import Place
-from ..problem.problem import Problem
-from ..problem.terms import sum_matrices
 from .basis import ReducedBasis
 from .vectors import real_columns
 
@@ -24,8 +22,6 @@ _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 _BEYOND = 1.05
 _CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
-_BLOCK_COMPLEX = 4  # whose solutions have a real part and an imaginary one each
-COMPLEX_SOLVES = _STEPS * _BLOCK_COMPLEX
 
 
 def search_vectors(basis: ReducedBasis, factor: DefiniteFactor) -> np.ndarray:
@@ -49,37 +45,6 @@ def search_vectors(basis: ReducedBasis, factor: DefiniteFactor) -> np.ndarray:
             break
         block = np.asarray(trial.V[:, size:])
     return np.array(trial.V[:, len(basis) :], order="C")
-
-
-def search_vectors_complex(basis: ReducedBasis, factor: Factor) -> np.ndarray:
-    """Return real vectors (n, ·) that span modes near iω outside a basis, roughly, by complex factors of Q(iω).
-
-    Each step keeps what its solutions have outside the basis, real and imaginary parts, and goes on from as many random
-    mixtures of these as it began with.
-    """
-    trial, rng = basis.copy(), np.random.default_rng(_SEED)
-    block = rng.standard_normal((basis.problem.unknowns, _BLOCK_COMPLEX))
-    for _ in range(_STEPS):
-        found = factor.solve(times(basis.problem.mass, block).astype(complex))
-        size = len(trial)
-        if not trial.append(real_columns(found)):
-            break
-        new = np.asarray(trial.V[:, size:])
-        block = new @ rng.standard_normal((new.shape[1], min(_BLOCK_COMPLEX, new.shape[1])))
-    return np.array(trial.V[:, len(basis) :], order="C")
-
-
-def whirl_rate(problem: Problem) -> float:
-    """Return the bound of `gyroscopic_rate`, rad/s, at the problem's parameters; infinite with other terms in C.
-
-    Terms that are neither symmetric nor skew are meant.
-    """
-    at = problem.parameters
-    terms = [t for t in problem.terms if t.slot == "C" and not t.symmetric and t.coefficient(at)]
-    if not all(t.skew and not t.imaginary for t in terms):
-        return np.inf
-    G = sum_matrices((t.matrix, t.coefficient(at)) for t in terms)
-    return 0.0 if G is None else gyroscopic_rate(problem.mass, G)
 
 
 def missing_modes(

@@ -19,7 +19,7 @@ from ..problem.terms import sum_matrices
 from .basis import ReducedBasis
 from .vectors import DEPENDENT, normalising, thin_svd
 
-_TRIED = np.linspace(1.0, 1.05, 7)  # times the square of the range's end: where soft directions are counted
+TRIED = np.linspace(1.0, 1.05, 7)  # times the square of the range's end: where soft directions are counted
 # A search has blocks of _BLOCK vectors, or of more where so many directions are lacking that _STEPS such blocks would
 # hardly hold them. Whether they do is seen after every _STEPS steps, of which there are _MOST at most.
 _SEED, _BLOCK, _STEPS, _MOST = 20251107, 8, 5, 40
@@ -67,7 +67,7 @@ def vectors_beside(
     """
     M, _, K, _ = basis.matrices(value)
     K = (K + K.T).real / 2
-    squares = highest**2 * _TRIED
+    squares = highest**2 * TRIED
     spectra = [np.linalg.eigvalsh(K - c * M) for c in squares]
     clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
     c = float(squares[clear])

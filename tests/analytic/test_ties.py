@@ -84,8 +84,9 @@ def test_averaged_reference_by_a_dense_update(where, order, tmp_path):
     loaded = fe_squeal.load_mesh(tmp_path / "a.inp")
     if order == 3:
         curved = skfem.MeshHex2.from_mesh(mesh).with_boundaries(mesh.boundaries).with_subdomains(mesh.subdomains)
-        left = np.flatnonzero(np.isclose(curved.doflocs[0], curved.doflocs[0].min()))
-        loaded = replace(fe_squeal.from_skfem(curved), node_groups={"N_left": NodeSet(left, left)})
+        loaded = fe_squeal.from_skfem(curved)
+        left = np.flatnonzero(np.isclose(loaded.mesh.doflocs[0], loaded.mesh.doflocs[0].min()))
+        loaded = replace(loaded, node_groups={"N_left": NodeSet(left, left)})
     base = {"mesh": {"file": "a.inp", "order": order}, "materials": {"steel": STEEL},
             "bodies": {"block": {"material": "steel"}}, "supports": [{"surface": "right", "fixed": "xyz"}]}  # fmt: skip
     point, inertia = [-0.05, 0.02, 0.03], [2e-3, 3e-3, 4e-3, 2e-4, -1e-4, 3e-4]

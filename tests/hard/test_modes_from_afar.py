@@ -15,7 +15,7 @@ from fe_squeal.eigen.request import Request
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import BoxModel
-from fe_squeal.reduced.missing import whirl_rate
+from fe_squeal.reduced.whirling import _counted, whirl_rate
 from fe_squeal.study.points import sobol_points
 from meshes import annulus, make_problem
 
@@ -138,6 +138,13 @@ def test_soft_directions_are_searched_for_until_there_are_as_many_as_counted(mon
     test_friction_that_softens_modes_far_beyond_the_range("divergence", 0.0, (1.0,))
 
 
+def test_whirls_are_searched_for_until_there_are_as_many_as_counted(monkeypatch):
+    """A step of the search from one vector never has the four whirls; as many searches as it takes have."""
+    monkeypatch.setattr("fe_squeal.reduced.whirling._STEPS", 1)
+    monkeypatch.setattr("fe_squeal.reduced.whirling._BLOCK", 1)
+    test_the_mode_from_afar_may_be_the_highest_one_of_the_range("whirl", (1.0,))
+
+
 @pytest.mark.parametrize("values", some([((1.0,),), ((0.0, 1.0),)], lambda values: len(values) == 1))
 @pytest.mark.parametrize(("omega", "gyro"), [(8.0, 20.0), (20.0, 130.0)])
 def test_gyroscopic_forces_that_slow_a_whirl_down_into_the_range(omega, gyro, values):
@@ -178,11 +185,15 @@ def test_a_box_of_parameters_has_modes_that_come_from_afar(kind, alpha):
     np.testing.assert_allclose(grows, expected, rtol=1e-5)
 
 
+def rotating_ring(speed: float) -> Problem:
+    rotation = {"bodies": ["disc"], "axis": [0, 0, 1], "centre": [0, 0, 0], "speed": speed}
+    mesh = annulus("hex2", (1, 12, 1), 0.06, 0.10, 0.01)
+    return make_problem(mesh, supports=[{"surface": "hub", "fixed": "xyz"}], effects={"rotation": rotation})
+
+
 def test_the_rate_of_gyroscopic_terms_is_a_bound():
     """Of a rotating ring, against the eigenvalues of M⁻¹G; and it bounds how far modes come down."""
-    rotation = {"bodies": ["disc"], "axis": [0, 0, 1], "centre": [0, 0, 0], "speed": 900.0}
-    mesh = annulus("hex2", (1, 12, 1), 0.06, 0.10, 0.01)
-    problem = make_problem(mesh, supports=[{"surface": "hub", "fixed": "xyz"}], effects={"rotation": rotation})
+    problem = rotating_ring(900.0)
     G = sum(t.matrix * t.coefficient(problem.parameters) for t in problem.terms if t.slot == "C").toarray()
     M, K = problem.mass.toarray(), problem.pencil().K.toarray()
     true = la.eigvalsh(1j * G, M).max()
@@ -194,6 +205,22 @@ def test_the_rate_of_gyroscopic_terms_is_a_bound():
     for omega in swinging[swinging > 0][:40] * (1 + 1e-6):
         own = np.count_nonzero((swinging > 0) & (swinging <= omega))
         assert own <= np.count_nonzero(theta <= omega**2 + true * omega)
+
+
+@pytest.mark.usefixtures("needs_pardiso")
+def test_the_hermitian_matrix_counts_the_modes_of_a_rotating_ring():
+    """As long as K is positive, each frequency at which an eigenvalue of H(ω) = K − ω²M + iωG turns negative is one."""
+    pencil = rotating_ring(900.0).pencil()
+    M, C, K = (A.toarray() for A in (pencil.M, pencil.C, pencil.K))
+    A = np.block([[np.zeros_like(M), np.eye(len(M))], [-la.solve(M, K), -la.solve(M, C)]])
+    swinging = np.sort(la.eigvals(A).imag)
+    swinging = swinging[swinging > 0]
+    assert la.eigvalsh(K)[0] > 0
+    still = np.sqrt(la.eigvalsh(K, M))
+    for k in (1, 2, 5, 30, 31, 100):
+        omega = (swinging[k - 1] + swinging[k]) / 2
+        assert _counted(pencil, omega, "pardiso") == k
+    assert np.abs(still[:31] - swinging[:31]).max() > 0.01 * still[0]  # another count than that without rotation
 
 
 @pytest.mark.slow
