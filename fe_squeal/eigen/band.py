@@ -26,6 +26,7 @@ _BARREN, _FAR = 6, 1e3
 _BLUR, _ROUNDING = 4, 1e-12
 _EMPTY = 0.1  # of a band: its lower part, to which its modes are looked for where the rest has none
 _AT_ZERO = 1e-8  # of a band: the square root of the rounding of its λ², below which a frequency may be zero
+_WIDE = 3.0  # times the highest frequency found: up to there one disc looks for what grows up to the end of the range
 _ONE_DISC = 36  # modes expected at most where a step before found none: one disc covers the next step then
 
 
@@ -49,9 +50,9 @@ def band_modes(
     NotConvergedError
         If the range is not covered; `partial` has the modes found.
     """
-    known, count = KnownBand(pencil, free, linear_solver), request.count
+    known, count, limit = KnownBand(pencil, free, linear_solver), request.count, np.inf
     if request.max_frequency_hz is not None:
-        band = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
+        band = limit = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
     expected = count or expected or count_below(symmetric_part(pencil), band, linear_solver)
     known.cover(0.0, band, expected or 20)
     found = np.count_nonzero(known.lam.imag <= band) + (0 if free is None else np.count_nonzero(free.lam == 0))
@@ -83,7 +84,11 @@ def band_modes(
         barren = barren + 1 if len(known.lam) == before else 0
     end = float(wanted.lam.imag.max(initial=0.0)) or top
     known.add_copies(end * (1 + _BEYOND))
+    if end < limit <= _WIDE * end:
+        end = limit
     known.add_rest(end)
+    if end < limit < np.inf and not known.add_beside(limit):  # no mode is there, unless it grows too fast for the discs
+        known.add_aslant(limit)
     modes = known.modes()
     wanted = select_wanted(modes, request, reach)
     if wanted is None:

@@ -21,6 +21,7 @@ _SLOW = 0.25  # of a rate: gyroscopic terms up to this leave what it bounds near
 _EQUAL = 1e-12  # of the largest entry of C: what differs by less is symmetric
 _ROUGHLY, _SURE = 1e-2, 1.2  # tolerance of Lanczos iteration for a bound, and the factor by which it is made safe
 _SMALLEST, _SEED = 50, 20261126  # unknowns from which Lanczos iteration serves; of its random start
+_LITTLE = 1e-13  # of the largest entry of a matrix: changes nothing but whether a pivot is zero
 _MIRROR = 1e-6  # of |λ|: so near to −λ* another is its mirror
 
 
@@ -40,15 +41,31 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     rate : float, rad/s
     linear_solver : LinearSolver or str
     """
-    below = count_beneath(symmetric_part(pencil), -((_STIFFNESS * rate) ** 2), linear_solver)
-    if below or pencil.C is None or not pencil.C.count_nonzero():
+    undamped, theta = symmetric_part(pencil), -((_STIFFNESS * rate) ** 2)
+    if pencil.C is None or not pencil.C.count_nonzero():
+        below = count_beneath(undamped, theta, linear_solver)
         return None if below is None else below > 0
+    mass, damping = (np.asarray(abs(A).sum(axis=1)).ravel() for A in (pencil.M, pencil.C))
+    light = (mass == 0) & (damping > 0)
+    below = count_beneath(_with_mass(undamped, light, theta), theta, linear_solver)
+    if below:
+        return True
     # Unknowns with neither mass nor damping would make C + rM singular.
-    rows = np.flatnonzero((abs(pencil.M).sum(axis=1) > 0) | (abs(pencil.C).sum(axis=1) > 0))
+    rows, theta = np.flatnonzero((mass > 0) | light), -_DAMPING * rate
     M, C = (sp.csr_array(A[rows][:, rows]) for A in (pencil.M, pencil.C))
-    damping = Pencil(M, sp.csr_array((C + C.T) / 2), symmetric=True)
-    negative = count_beneath(damping, -_DAMPING * rate, linear_solver)
+    dampers = Pencil(M, sp.csr_array((C + C.T) / 2), symmetric=True)
+    negative = count_beneath(_with_mass(dampers, light[rows], theta), theta, linear_solver)
     return None if negative is None or below is None else negative > 0
+
+
+def _with_mass(pencil: Pencil, light: np.ndarray, theta: float) -> Pencil:
+    """Return a pencil with so little mass at some unknowns that K − θM, θ < 0, changes there by rounding alone.
+
+    Unknowns with a damper and without mass are no constraints, as `count_beneath` takes those without mass: a negative
+    stiffness at the damper makes a real λ grow.
+    """
+    small = _LITTLE * abs(pencil.K).max() / -theta
+    return replace(pencil, M=sp.csr_array(pencil.M + sp.diags_array(small * light)))
 
 
 def may_grow_dense(M: np.ndarray, C: np.ndarray | None, K: np.ndarray, rate: float) -> bool:

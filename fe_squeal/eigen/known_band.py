@@ -8,7 +8,7 @@ what is near zero and what grows.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -346,7 +346,12 @@ class KnownBand:
         """Return the modes found, those of free motions among them."""
         if self._modes is None:
             self._modes = self._made()
-        return self._modes
+        method = self.method  # what was left out may have been told since
+        if self.low:
+            method += f", above {self.low / (2 * np.pi):.3g} Hz"
+        if self.thin:
+            method += ", near the imaginary axis"
+        return replace(self._modes, method=method)
 
     def _made(self) -> Modes:
         n = self.pencil.n
@@ -356,12 +361,7 @@ class KnownBand:
         lam, right, left = lam[upper], right[:, upper], left[:, upper]
         if self.free is not None:
             lam, right, left = self.free.beside(lam, right, left)
-        method = self.method
-        if self.low:
-            method += f", above {self.low / (2 * np.pi):.3g} Hz"
-        if self.thin:
-            method += ", near the imaginary axis"
-        return modes_from_lambda(self.pencil, lam, right, left, method)
+        return modes_from_lambda(self.pencil, lam, right, left, "")
 
 
 def is_light(lam: np.ndarray) -> np.ndarray:

@@ -142,9 +142,11 @@ def _is_idle(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> bool:
     """Return whether the stability of a group cannot change if K is linear: it is symmetric, and θ > 0 at both ends.
 
     A symmetric K that is positive definite at both ends is so between them, as a sum of both with positive weights.
+    Beside a θ < 0, whose mode a group need not have, other modes may become unstable between the ends.
     """
-    v = np.concatenate([a.v[members[0]], b.v[members[1]]])
-    return not len(v) or (a.symmetric and b.symmetric and bool((v.real > 0).all()))
+    if not len(members[0]) + len(members[1]):
+        return True
+    return a.symmetric and b.symmetric and all(bool((n.v.real > 0).all()) for n in (a, b))
 
 
 def _without_rim(

@@ -160,3 +160,43 @@ def test_a_body_of_which_a_rigid_motion_alone_is_asked_for():
     modes = solve_modes(Pencil(sp.eye_array(N, format="csr"), K), Request(count=1))
     np.testing.assert_allclose(growing(modes), [np.sqrt(600)], rtol=1e-12)
     assert 0 in modes.lam
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("growth", [3.0, 1e3])
+def test_a_negative_stiffness_or_damper_without_mass(growth, sign):
+    """Of c u̇ + k u = 0 with k/c < 0, λ = −k/c grows; as an unknown without mass alone it would be a constraint."""
+    pencil = chain(np.diag([sign * growth, 9.0]), np.diag([-float(sign), 0.002]))
+    mass = sp.lil_array(pencil.M)
+    mass[N - 2, N - 2] = 0.0
+    pencil = Pencil(sp.csr_array(mass), pencil.K, pencil.C)
+    assert may_grow(pencil, BAND)
+    for request in REQUESTS:
+        np.testing.assert_allclose(growing(solve_modes(pencil, request)), [growth], rtol=1e-9)
+
+
+def test_springs_and_dampers_without_mass_are_no_growth():
+    """Nor are two unknowns without mass that one damper and one spring join, whose matrices are singular."""
+    n = N - 4
+    both = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    k, c = (sp.block_diag([A, np.eye(2), both]) for A in (2.0 * sp.eye_array(n), 0.01 * sp.eye_array(n)))
+    M = sp.diags_array(np.append(np.ones(n), np.zeros(4)))
+    assert may_grow(Pencil(*(sp.csr_array(A) for A in (M, k, c))), 1.0) is False
+
+
+@pytest.mark.parametrize("limit", [40.0, 100.0])
+def test_flutter_between_the_last_mode_and_the_end_of_the_range(limit):
+    """At (0.45 + 0.9i) times the limit, where the modes that swing end at 20 rad/s: discs on the axis miss it."""
+    lam = (0.45 + 0.9j) * limit
+    theta = -(lam**2)
+    w = np.concatenate([[5.0, 10.0, 20.0], np.linspace(400, 4000, N - 5)])
+    K = sp.block_diag([np.diag(w**2), [[theta.real, theta.imag], [-theta.imag, theta.real]]])
+    pencil = Pencil(sp.eye_array(N, format="csr"), sp.csr_array(K), sp.csr_array(1e-3 * sp.eye_array(N)))
+    modes = solve_modes(pencil, Request(max_frequency_hz=limit / (2 * np.pi)))
+    np.testing.assert_allclose(growing(modes), [lam - 5e-4], rtol=1e-6)
+
+
+def test_growth_that_is_not_looked_for_is_told():
+    pencil = chain(np.diag([-1e14, 9.0]), 1e-3 * np.eye(2))
+    modes = solve_modes(pencil, REQUESTS[0])
+    assert not len(growing(modes)) and "without a search for real eigenvalues" in modes.method

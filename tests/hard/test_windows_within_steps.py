@@ -283,3 +283,12 @@ def test_a_window_below_the_highest_frequency_of_modes_that_lie_above_it_at_both
     assert len(true) == 2 and all(p.modes.lam.imag.max() < limit for p in result.points)
     np.testing.assert_allclose(found, true, rtol=1e-9)
     assert all(0.95 * limit < 2 * np.pi * o.frequency_hz < limit for o in result.onsets)
+
+
+@pytest.mark.parametrize("points", [2, 4])
+def test_a_divergence_beside_another_one_comes_and_goes_within_a_step(points):
+    """K = [[−100, 10p], [10p, −½]]: θ₁ < 0 throughout, and θ₂ < 0 where det K = 50 − 100p² > 0."""
+    problem = matrix_problem(np.diag([-100.0, -0.5]), [[0, 10.0], [10.0, 0]])
+    result = fe_squeal.sweep(problem, np.linspace(-1, 1, points), "mu", modes=2)
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    np.testing.assert_allclose([o.value for o in result.onsets], [-(0.5**0.5), 0.5**0.5], rtol=1e-10)
