@@ -28,7 +28,7 @@ from .bars import (
 from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import Changes, refined_changes
 from .largest_error import hidden_growth
-from .pairs import bent_change, extrapolated, growth_beyond
+from .pairs import bent_change, extrapolated, growth_beyond, may_couple
 from .polygons import straight_edges
 
 _ROUNDING = 1e-6  # of |λ|: growth below this is what rounding makes of two equal eigenvalues
@@ -66,7 +66,10 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     order = result.problem.source.space.order if isinstance(result.problem.source, Assembly) else 2
     unknown = tuple(Parts.unknown(len(point.modes)) for point in result.points)
     found = [
-        _bars(point, change, parts, spectrum, order, result.problem.is_damped)
+        _bars(
+            point, change, parts, spectrum, order, result.problem.is_damped,
+            may_couple(result.problem, result.parameter, point.value),
+        )
         for point, change, parts, spectrum in zip(
             result.points, changes.modes, changes.parts or unknown, changes.spectra, strict=True
         )
@@ -138,9 +141,12 @@ class _Bars:
 
 def _bars(
     point: SweepPoint, change: np.ndarray, parts: Parts, spectrum: tuple[np.ndarray, np.ndarray, np.ndarray],
-    order: int, is_damped: bool,
+    order: int, is_damped: bool, may_couple: bool,
 ) -> _Bars:  # fmt: skip
-    """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`."""
+    """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`.
+
+    Where two modes cannot couple, each is extrapolated by itself, however near to another it is, and none grows.
+    """
     (lam, refined, modes), partner = spectrum, mirror_partners(point.modes)
     opposite = parts.times(np.full(len(partner), -1.0)).at(partner)  # of a mode that decays as its mirror image grows
     parts = parts.where(parts.known | (partner < 0), opposite)
@@ -151,21 +157,23 @@ def _bars(
     factors = factors_of(change.real, parts, order)
     least, middle, most = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
     least[modes], middle[modes], most[modes] = factors
-    further = extrapolated(lam, refined, middle)
+    further = extrapolated(lam, refined, middle) if may_couple else lam + middle * (refined - lam)
+    bent = [bent_change(lam, refined, order, most, *x)[modes] for x in ((), (least, further))]
+    if not may_couple:
+        bent = [1j * x.imag for x in bent]
     moved = (further - lam)[modes]
     # Two modes that approach each other have Re λ = 0 on both meshes, and not where their extrapolated values meet.
     meets = np.abs(np.nan_to_num(moved).real) > np.maximum(uncertain, _ROUNDING * np.abs(point.modes.lam))
     balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain) & ~meets
-    bars = bar_of(change, bent_change(lam, refined, order, most)[modes], balanced, order, growth)
+    bars = bar_of(change, bent[0], balanced, order, growth)
 
     moved = np.where(parts.known, likely - here, moved.real) + 1j * moved.imag
-    bent = bent_change(lam, refined, order, most, least, further)[modes]
     half = np.maximum(factors[2] - factors[1], factors[1] - factors[0])
     re, im = (half * np.maximum(np.abs(x), SHARE * np.abs(change)) for x in (change.real, change.imag))
-    re = np.where(balanced, 0.0, np.where(parts.known, width, np.maximum(re, bent.real)))
+    re = np.where(balanced, 0.0, np.where(parts.known, width, np.maximum(re, bent[1].real)))
     values = point.modes.lam + moved
     values = np.where(balanced, 1j * values.imag, values)
-    beyond_bars = re + 1j * np.maximum(im, bent.imag)
+    beyond_bars = re + 1j * np.maximum(im, bent[1].imag)
     return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 
 

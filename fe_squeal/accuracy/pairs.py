@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..problem.parameters import paths_of
+from ..problem.problem import Problem
 from .bars import BARS, Parts, bar_of_parts, beyond
 
 _STEPS = 16  # equal steps of s in which m and D are extrapolated, so that the root √D can be followed
@@ -87,6 +89,12 @@ def extrapolated(lam: np.ndarray, refined: np.ndarray, factor: float | np.ndarra
         is_positive = same < other if is_clear else i < j
         found[i] = m0 + s[i] * (m1 - m0) + (root if is_positive else -root)
     return np.asarray(found)
+
+
+def may_couple(problem: Problem, parameter: str, value: float) -> bool:
+    """Return whether two modes may meet and grow at a value: not where K is symmetric and nothing damps or turns."""
+    at = {**problem.parameters, **dict.fromkeys(paths_of(parameter), value)}
+    return problem.is_damped or any(t.coefficient(at) for t in problem.terms if not t.symmetric)
 
 
 def _nearest(lam: np.ndarray, refined: np.ndarray) -> Iterator[tuple[int, int, float]]:

@@ -186,3 +186,17 @@ def test_bars_of_a_sweep_follow_the_rules(block, changes):
         assert (point.discretisation.imag[known] >= BARS[1] * np.abs(change.imag[known])).all()
         assert (point.discretisation.real[known] >= BARS[1] * np.abs(change.real[known]) - 1e-9).all()
     assert isinstance(changes, Changes)
+
+
+def test_bending_doublets_of_a_square_bar_are_no_onset_on_finer_meshes():
+    """Tetrahedra part them by less the finer they are. Without friction nothing couples them, wherever that leads."""
+    from meshes import box, make_problem
+
+    problem = make_problem(box("tet1", (1, 1, 3), (0.02, 0.02, 0.1)), supports=[{"surface": "bottom", "fixed": "xyz"}])
+    result = with_discretisation(fe_squeal.sweep(problem, [2.1e11], "materials.steel.youngs_modulus", modes=6))
+    (point,) = result.points
+    assert point.extrapolated is not None and point.discretisation is not None
+    assert not point.extrapolated.real.any() and not point.discretisation.real.any()
+    assert estimated_error(result, ["growth"]) == 0 and not any("onset" in w for w in result.warnings)
+    finer = point.extrapolated.imag
+    assert (finer < point.modes.lam.imag).all() and (finer > 0.8 * point.modes.lam.imag).all()
