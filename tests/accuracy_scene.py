@@ -8,6 +8,8 @@ from fe_squeal.accuracy.measure import Measurement
 
 TINY = """
 title = "pad on a belt"
+[mesh]
+order = 2
 [mesh.block]
 length = 0.08
 width = 0.04

@@ -28,7 +28,10 @@ from .line_errors import LineErrors, line_errors
 from .own_mesh import own_mesh
 from .quantities import Split
 
-_LEAST = 2  # order of the elements: on every scene measured, order 1 takes many times as long for the same error
+# Orders of the elements: on every scene measured, order 1 takes many times as long as 2 for the same error, and of
+# parametric hexahedra order 2 longer than 3. Elements that are so many times as long have about as many nodes.
+_LEAST, _HEXAHEDRA = 2, 3
+_LONGER = {1: (2.0, "twice"), 2: (1.5, "1.5 times")}  # by the order that they had, one less
 _FALLS = 0.8  # part of an element's share in the error that is expected to vanish when it is cut into eight
 _PARTS = 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9  # of the whole error: what the marked elements may have of it
 _EVERYWHERE = 1.5  # times the elements along every line, where no line explains the error
@@ -61,29 +64,41 @@ class Candidate:
 
 
 def first_candidate(scene: Scene) -> Candidate:
-    """Return the first mesh: the scene's own with elements of order 2 at least. Later ones have its gap tolerances.
+    """Return the first mesh: the scene's own with elements of `search_order`. Later ones have its gap tolerances.
 
-    Where the scene has a geometry beside a file, it is the mesh of the geometry. A parametric mesh that the scene has
-    with order 1 gets elements twice as long, and so about as many nodes as before.
+    Where the scene has a geometry beside a file, it is the mesh of the geometry. A parametric mesh whose elements get
+    another order gets longer ones, and so about as many nodes as before.
 
     Raises
     ------
     SceneError, MeshError
         As `own_mesh`.
     """
-    geometry = scene.mesh.geometry
+    geometry, order = scene.mesh.geometry, search_order(scene)
     words = "the scene's own mesh"
-    update: dict[str, object] = {"order": max(scene.mesh.order, _LEAST)}
+    update: dict[str, object] = {"order": order}
     if geometry is not None:
         words = words if scene.mesh.file is None else f"the mesh of [mesh.{_key(scene)}]"
         update["file"] = None
-        if scene.mesh.order < _LEAST:
-            words += ", elements twice as long"
-            update[_key(scene)] = geometry.resized(2 * geometry.edge_length)
+        if scene.mesh.order < order:
+            longer, told_longer = _LONGER[scene.mesh.order]
+            words += f", order {order}, elements {told_longer} as long"
+            update[_key(scene)] = geometry.resized(longer * geometry.edge_length)
     mesh = scene.mesh.model_copy(update=update)
     changed = scene.model_copy(update={"mesh": mesh})
     loaded = own_mesh(changed)
     return _candidate(with_gap_tolerances(changed, loaded), loaded, words)
+
+
+def search_order(scene: Scene) -> int:
+    """Return the order of the elements that meshes are searched with: the scene's own, at least 2.
+
+    Where the scene says none, parametric hexahedra have order 3.
+    """
+    geometry = scene.mesh.geometry
+    if geometry is not None and geometry.element == "hex" and "order" not in scene.mesh.model_fields_set:
+        return _HEXAHEDRA
+    return max(scene.mesh.order, _LEAST)
 
 
 def restored(
@@ -96,7 +111,7 @@ def restored(
     ValueError
         The numbers are not those of such a geometry.
     """
-    update: dict[str, object] = {"order": max(scene.mesh.order, _LEAST)}
+    update: dict[str, object] = {"order": search_order(scene) if errors is None else errors.order}
     scene = scene.model_copy(update={"contacts": first_candidate(scene).scene.contacts})
     own = scene.mesh.geometry
     if (geometry is None) != (own is None):

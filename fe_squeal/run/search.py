@@ -48,6 +48,7 @@ class _Before(_Table):
 
     elements: dict[str, int]
     places: dict[str, list[float]]
+    order: Annotated[int, Field(ge=1, le=3)] = 2
     rates: dict[str, float]
     along: list[str]
     layers: list[Annotated[int, Field(ge=0)]]
@@ -172,7 +173,7 @@ def _before(errors: LineErrors | None) -> dict[str, Any] | None:
         "elements": {key: line.elements for key, line in errors.lines.items()},
         "places": {key: line.places for key, line in errors.lines.items()}, "rates": dict(errors.rates),
         "along": errors.along.tolist(), "layers": errors.layers.tolist(), "groups": errors.groups.tolist(),
-        "singular": errors.singular.tolist(), "parts": errors.parts.tolist(),
+        "singular": errors.singular.tolist(), "parts": errors.parts.tolist(), "order": errors.order,
     }  # fmt: skip
 
 
@@ -191,4 +192,4 @@ def _line_errors(scene: Scene, before: _Before | None) -> LineErrors | None:
         raise ValueError("the parts are not those of the lines")
     if any(n >= max(len(before.places[key]) - 1, 1) for key, n in zip(before.along, before.layers, strict=True)):
         raise ValueError("a layer is not one of its line")
-    return LineErrors(lines, before.rates, parts, along, layers, groups, singular)
+    return LineErrors(lines, before.rates, parts, along, layers, groups, singular, before.order)

@@ -9,9 +9,11 @@ import pytest
 
 from fe_squeal import load_mesh
 from fe_squeal.accuracy.candidates import finer_candidate, first_candidate
+from fe_squeal.accuracy.own_mesh import own_mesh
 from fe_squeal.accuracy.settings import own_setting, scene_at
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
+from fe_squeal.fem.spaces import make_space
 from fe_squeal.mesh.writing import write_loaded
 from fe_squeal.run.accuracy_checks import checked_mesh
 from fe_squeal.scene.file import load_scene
@@ -134,12 +136,12 @@ def test_a_file_beside_the_geometry_is_none_of_the_meshes(tmp_path, capsys):
     assert own.mesh.p[2].max() == pytest.approx(0.03)
     assert said[0].startswith("warning: mesh.file is the mesh that runs, and not that of [mesh.block], whose ")
     assert said[1].startswith("note: the meshes are made from [mesh.block]; mesh.file,")
-    assert first_candidate(scene).told == "the mesh of [mesh.block]"
+    assert first_candidate(scene).told == "the mesh of [mesh.block], order 3, elements 1.5 times as long"
     without = path.read_text("utf-8").replace('file = "brake.inp"\n', "")
     path.write_text(without, encoding="utf-8")
     said.clear()
     checked_mesh(load_scene(path), said.append)
-    assert said == [] and first_candidate(load_scene(path)).told == "the scene's own mesh"
+    assert said == [] and first_candidate(load_scene(path)).told.startswith("the scene's own mesh, order 3")
 
 
 def test_elements_of_order_2_are_twice_as_long_where_their_numbers_are_given(tmp_path):
@@ -149,3 +151,16 @@ def test_elements_of_order_2_are_twice_as_long_where_their_numbers_are_given(tmp
     first = first_candidate(load_scene(path))
     assert first.scene.mesh.block.block_counts == (6, 4, 2)  # of 12, 8 and 4
     assert first.told.endswith(", elements twice as long")
+
+
+@pytest.mark.parametrize(("order", "searched"), [("", 3), ("order = 1\n", 2), ("order = 2\n", 2), ("order = 3\n", 3)])
+def test_hexahedra_have_order_3_where_the_scene_says_none(tmp_path, order, searched):
+    """About as many nodes as before, and the order that a scene gives stays, but for 1."""
+    path = scene_of(tmp_path, "3", order + GEOMETRY.format(height=0.02, size=0.01))
+    path.write_text(path.read_text("utf-8").replace('nodes = "3"', 'surface = "right"'), encoding="utf-8")
+    scene = load_scene(path)
+    first = first_candidate(scene)
+    assert first.scene.mesh.order == searched and first.loaded.mesh.nelements == first.scene.mesh.block.cells
+    own = 3 * make_space(own_mesh(scene).mesh, scene.mesh.order, []).nodes
+    assert 0.7 * own < first.unknowns < 1.4 * own
+    assert ("as long" in first.told) == (scene.mesh.order < searched)

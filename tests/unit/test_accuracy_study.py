@@ -153,7 +153,7 @@ def test_the_command_names_the_files_that_it_wrote(tiny, tmp_path, monkeypatch, 
 
 def test_settings_of_a_file_are_its_refinements(tiny, tmp_path):
     assert main(["mesh", str(tiny), "-o", str(tmp_path / "belt.msh")]) == 0
-    text = TINY.replace("[mesh.block]", '[mesh]\nfile = "belt.msh"\n[ignored]').split("[ignored]")
+    text = TINY.replace("[mesh.block]", 'file = "belt.msh"\n[ignored]').split("[ignored]")
     scene_file = tmp_path / "file.toml"
     scene_file.write_text(text[0] + "[materials.lining]" + text[1].split("[materials.lining]")[1])
     scene = load_scene(scene_file)

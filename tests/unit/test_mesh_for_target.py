@@ -295,7 +295,7 @@ def at_next_mesh(scene):
     finer = choosing.finer_candidate(first)
     lines, parts = first.scene.mesh.geometry.lines, np.array([[0.1, np.nan]])
     along, one = np.array(["layers"]), np.zeros(1, int)
-    errors = LineErrors(lines, {key: 1.9 for key in lines}, parts, along, one, one, one > 0)
+    errors = LineErrors(lines, {key: 1.9 for key in lines}, parts, along, one, one, one > 0, first.scene.mesh.order)
     return first, replace(finer, errors=errors)
 
 
@@ -317,9 +317,12 @@ def test_a_search_on_tetrahedra_goes_on_with_the_same_mesh(tmp_path):
     assert mesh_digest(refine_marked(again.loaded, marked)[0]) == mesh_digest(refine_marked(loaded, marked)[0])
 
 
-def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
+@pytest.mark.parametrize("given", ["order = 2", ""])
+def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch, given):
     """Killed between writing the next mesh and its record, the search goes on with the mesh before."""
-    scene = load_scene(write(tmp_path))
+    path = write(tmp_path)
+    path.write_text(path.read_text("utf-8").replace("order = 2", given), encoding="utf-8")
+    scene = load_scene(path)
     first, finer = at_next_mesh(scene)
     trial = Trial("the scene's own mesh", 300, float("nan"), 0.1)
     with hold_folder(tmp_path / "out") as held:
@@ -334,6 +337,7 @@ def test_what_is_kept_of_a_search_belongs_together(tmp_path, monkeypatch):
         (found,), again = kept.load(scene)
         assert np.isnan(found.error) and "error not known" in str(found)
         assert again.scene.mesh.geometry == finer.scene.mesh.geometry and again.unknowns == finer.unknowns
+        assert again.errors.order == again.scene.mesh.order == (2 if given else 3)
         assert again.errors.lines == finer.errors.lines and again.errors.rates == finer.errors.rates
         for name in ("parts", "along", "layers", "groups", "singular"):
             np.testing.assert_array_equal(getattr(again.errors, name), getattr(finer.errors, name))
