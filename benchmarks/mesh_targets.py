@@ -174,9 +174,10 @@ def main() -> None:
 
 PAGE = """# Meshes for a target
 
-`fe-squeal run SCENE.toml --accuracy TARGET` solves on the scene's own mesh, finds out by body, direction and element
-where the error comes from, cuts there finer (and grades a disc towards its hub), and ends when the bars of
-frequencies, growth rates and onsets meet the target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The
+`fe-squeal run SCENE.toml --accuracy TARGET` solves on the scene's own mesh (of a geometry of hexahedra, if the scene
+says no order: on elements of order 3 that are 1.5 times as long), finds out by body, direction and element where the
+error comes from, cuts there finer (and grades a disc towards its hub), and ends when the bars of frequencies, growth
+rates and onsets meet the target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The
 true errors are those against a mesh with 1.5 times as many elements along every line, extrapolated: of the frequencies
 at the first value, of growth at the last one relative to the fastest, of the critical values; where the name ends in
 "onsets" these alone are to meet the target (`--accuracy-of onsets`). Seconds are those of the whole search; other work

@@ -27,7 +27,7 @@ def make_console() -> Console:
     """Return a console that leaves lines and numbers as they are."""
     from rich.console import Console
 
-    return Console(highlight=False, soft_wrap=True, emoji=False)  # names of users may have colons
+    return Console(highlight=False, soft_wrap=True, emoji=False, markup=False)  # names may have colons and brackets
 
 
 def load_scene_or_deck(path: Path) -> Scene | MatrixScene:

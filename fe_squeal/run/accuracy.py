@@ -85,7 +85,7 @@ def study_scene(scene: Scene | MatrixScene, out: Path, console: Console, budget:
         raise SceneError(f"--budget: given {budget:g}; expected a number of seconds above 0")
     with hold_folder(out, input_files(whole)) as held:
         held.check(lambda name: name in STUDY_FILES)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
         with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
             task = bar.add_task("measuring", total=None)
 

@@ -234,7 +234,7 @@ def sweep_scene(
 
         with shortage:
             return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(f"sweep over {parameter}", total=len(values))
 

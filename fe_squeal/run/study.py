@@ -211,7 +211,7 @@ class StageClock:
 @contextmanager
 def _shown(console: Console) -> Iterator[Callable[[str, int, int, float], None]]:
     """Yield a callable that shows progress, rate and time left: as a bar on a terminal, in plain lines elsewhere."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     last_stage, told_at = "", 0.0
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("begins", total=None)

@@ -25,7 +25,8 @@ class MeshSection(Section):
         Whether files that the mesh file includes (*INCLUDE, INPUT=, the arrays of an XDMF file) may lie outside of its
         own folder and that of the scene.
     order : 1, 2 or 3
-        Polynomial order of the displacements; 3 for hexahedra alone.
+        Polynomial order of the displacements; 3 for hexahedra alone. Where none is given, `run --accuracy` takes 3 for
+        hexahedra of a geometry.
     disc_pad : table
         Parametric geometry.
     block : table

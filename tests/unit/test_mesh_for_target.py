@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -23,12 +24,14 @@ from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.line_errors import LineErrors
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.cli import main
+from fe_squeal.commands.shared import make_console
 from fe_squeal.errors import InputError
 from fe_squeal.mesh.digest import mesh_digest
 from fe_squeal.mesh.marked import refine_marked
 from fe_squeal.mesh.refining import refine
 from fe_squeal.run import accuracy as run_accuracy
 from fe_squeal.run.folder import hold_folder
+from fe_squeal.run.found_mesh import print_trials
 from fe_squeal.run.inputs import run_inputs
 from fe_squeal.run.search import KeptSearch
 from fe_squeal.scene.file import load_scene
@@ -287,6 +290,13 @@ def test_a_search_of_another_scene_is_not_resumed(tmp_path, capsys, monkeypatch)
     scene.write_text(scene.read_text("utf-8").replace("7800.0", "7900.0"), encoding="utf-8")
     assert main([*run, "--resume"]) == 2
     assert "the interrupted run was another one" in " ".join(capsys.readouterr().err.split())
+
+
+def test_brackets_of_tables_of_a_scene_are_printed(capsys):
+    """In a table, too, whose cells Rich takes for markup if its console does."""
+    trial = Trial("the mesh of [mesh.block]", 300, 0.1, 0.1)
+    print_trials(SimpleNamespace(trials=(trial,)), 0.02, make_console())
+    assert "the mesh of [mesh.block]" in capsys.readouterr().out
 
 
 def at_next_mesh(scene):
