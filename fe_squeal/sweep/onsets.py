@@ -17,7 +17,7 @@ from .nodes import Node
 from .onset import Onset
 from .refined import FAILURES, Refiner
 from .scale import LINEAR, Scale
-from .scan import Open, scan
+from .scan import Open, Scan, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 from .unevenness import is_uneven
@@ -107,7 +107,13 @@ def find_step_onsets(
     step = Step(problem, parameter, values, modes, reduced_model, linear_solver, known, tolerance)
     limit, mattering = _BEYOND * below, _MATTERS * below
     deciding = mattering if halved else None
-    seen = scan(step.end(0), step.end(1), step.between, limit, scale, deciding, step.is_linear, known, step.apart)
+
+    def search(first: Node, second: Node) -> Scan:
+        return scan(
+            first, second, step.between, limit, scale, deciding, step.is_linear, known, step.apart, step.is_curved
+        )
+
+    seen = search(step.end(0), step.end(1))
     if seen.open:
         # A mode may come into the range of frequencies between the ends. And a pair that becomes two real eigenvalues
         # may leave a strongly decaying one that the solver does not list. The step model has all of them, so its own
@@ -116,7 +122,7 @@ def find_step_onsets(
         ends = step.between(values[0]), step.between(values[1])
         rim = _RIM * max(known, min(float(np.abs(m.lam).max(initial=0.0)) for m in modes))
         if problem.is_damped or not any(_lacks(step.end(i), ends[i], rim) for i in (0, 1)):
-            seen = scan(*ends, step.between, limit, scale, deciding, step.is_linear, known, step.apart)
+            seen = search(*ends)
     found = Found(width=seen.width)
     unsettled = []
     if is_uneven(step, seen.changes, mattering):

@@ -59,7 +59,7 @@ class Scan:
 
 def scan(
     first: Node, second: Node, modes: Callable[[float], Node], below: float = np.inf, scale: Scale = LINEAR,
-    halved: float | None = None, linear: bool = False, known: float = 0.0, apart: float = 0.0,
+    halved: float | None = None, linear: bool = False, known: float = 0.0, apart: float = 0.0, curved: bool = False,
 ) -> Scan:  # fmt: skip
     """Find the changes of stability between two values.
 
@@ -82,11 +82,17 @@ def scan(
         Frequency up to which all modes are known at every value, if it is higher than those of the modes there.
     apart : float
         See `Samples`.
+    curved : bool
+        Whether matrices bend within the step. Modes at its ends and their slopes do not show that, so that the search
+        begins with the modes half way.
     """
     step = scale.x(second.value) - scale.x(first.value)
     width, count = FINEST * step * scale.slope(second.value), 0
     result = Scan([], [], [], width, 0)
     todo = [(first, second)]
+    if curved:
+        middle, count = modes(scale.p(scale.x(first.value) + step / 2)), 1
+        todo = [(middle, second), (first, middle)]
     while todo:
         a, b = todo.pop()
         asked: list[float] = []

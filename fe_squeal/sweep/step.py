@@ -119,6 +119,12 @@ class Step:
         """Whether K is linear in the parameter."""
         return self.problem.is_affine(self.parameter) and is_linear(self.model, self.parameter)
 
+    @property
+    def is_curved(self) -> bool:
+        """Whether any matrix of the step model changes otherwise than linearly."""
+        swept = paths_of(self.parameter)
+        return any(sum(t.powers.get(path, 0) for path in swept) not in (0, 1) for t in self.model.terms)
+
     def near(self, value: float) -> float:
         """Return up to which distance from a value matrices are interpolated around it."""
         return _NEARBY * max(abs(value), self.width)

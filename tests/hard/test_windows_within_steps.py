@@ -292,3 +292,17 @@ def test_a_divergence_beside_another_one_comes_and_goes_within_a_step(points):
     result = fe_squeal.sweep(problem, np.linspace(-1, 1, points), "mu", modes=2)
     assert [o.direction for o in result.onsets] == ["into", "out of"]
     np.testing.assert_allclose([o.value for o in result.onsets], [-(0.5**0.5), 0.5**0.5], rtol=1e-10)
+
+
+@pytest.mark.parametrize("swept", ["K", "C"])
+def test_a_window_of_which_the_ends_of_a_step_show_nothing(swept):
+    """Its matrix has the same values and slopes at both ends, 1 and 0, and 1 − 32 p²(1 − p)², −1 half way."""
+    dip = [np.diag([c, 0.0]) for c in (0.0, 0.0, -32.0, 64.0, -32.0)]
+    one, K = sp.eye_array(2, format="csr"), sp.csr_array(np.diag([1.0, 30.0]))
+    terms = [Term("m", "M", one, True), Term("k", "K", K, True), Term("c", "C", 0.1 * one, True)]
+    size = 1.0 if swept == "K" else 0.1
+    terms += [Term(f"{swept}{i}", swept, sp.csr_array(size * A), True, {"mu": i}) for i, A in enumerate(dip) if A.any()]
+    result = fe_squeal.sweep(Problem(tuple(terms), {"mu": 0.0}), [0.0, 1.0], "mu", modes=2)
+    exact = np.sort(np.roots([1, -1, 1 / 32**0.5]).real)  # p(1 − p) = 1/√32
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    np.testing.assert_allclose([o.value for o in result.onsets], exact, rtol=1e-9)
