@@ -116,7 +116,8 @@ def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
     # The samples that grow most run as scenes, and give the same growth.
     dangerous = load_scene(out / record["dangerous"][0])
     worst = samples.loc[samples["worst_re"].idxmax()]
-    assert dangerous.parameters["mu"] == worst["mu"] and dangerous.study is None
+    assert dangerous.parameters["mu"] == pytest.approx(worst["mu"], rel=1e-14)  # pandas 2 may lose the last digit
+    assert dangerous.study is None
     assert main(["run", str(out / record["dangerous"][0]), "-o", str(tmp_path / "run")]) == 0
     assert pd.read_csv(tmp_path / "run" / "modes.csv")["re"].max() == pytest.approx(worst["worst_re"])
     assert main(["study", str(tmp_path / "scene.toml"), "-o", str(out), "--resume"]) == 0
@@ -413,6 +414,8 @@ def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monke
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_many_scenes(scene, tmp_path, workers):
     """Two modes with gaps of 0.1 and 0.2 flutter at μ of half the gap."""
+    if workers:
+        pytest.importorskip("distributed")
     sweep = '[sweep]\nparameter = "mu"\nfrom = 0.0\nto = 0.3\npoints = 4\n'
     text = scene(sweep).read_text()
     for name, gap in (("narrow", 0.1), ("wide", 0.2)):
