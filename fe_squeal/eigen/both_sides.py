@@ -15,7 +15,7 @@ _SAME = 1e-7  # of |λ|: a right and a left eigenvalue that are closer are one
 
 def pairs_within(
     operator: ShiftInverted, radius: float, most: int, restarts: int, draw: int = 0,
-    needed: Callable[[np.ndarray], np.ndarray] | None = None,
+    needed: Callable[[np.ndarray], np.ndarray] | None = None, least: int = 0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return the λ in a disc around the shift, their right and left vectors, and the radius inside which all are known.
 
@@ -23,7 +23,7 @@ def pairs_within(
 
     Parameters
     ----------
-    radius, most, restarts, draw
+    radius, most, restarts, draw, least
         As for `ShiftInverted.within`.
     needed : callable, optional
         Which of λ (k,) are worth more restarts, and are returned even if others nearer to the shift have not converged.
@@ -34,19 +34,19 @@ def pairs_within(
     NotConvergedError
         If no left modes of such λ were found; `partial` has these λ (k,) and their right vectors (n, k).
     """
-    lam, right, reach = operator.within(radius, most, False, restarts, draw, needed)
+    lam, right, reach = operator.within(radius, most, False, restarts, draw, needed, least)
     away = np.abs(lam - operator.sigma)
     if needed is None or not needed(lam[away > reach]).any():
         lam, right, away = lam[away <= reach], right[:, away <= reach], away[away <= reach]
         if not len(lam):
             return lam, right, right, reach
-        other, left, reach_left = operator.within(reach, most, True, restarts, draw, needed)
+        other, left, reach_left = operator.within(reach, most, True, restarts, draw, needed, least)
         inner, inner_left, middle = _circle(away, np.abs(other.conj() - operator.sigma), min(reach, reach_left))
         if middle or needed is None or not needed(lam).any():
             i, j = _nearest(lam[inner], other[inner_left].conj())
             return lam[inner[i]], right[:, inner[i]], left[:, inner_left[j]], middle
     else:
-        other, left, _ = operator.within(radius, most, True, restarts, draw, needed)
+        other, left, _ = operator.within(radius, most, True, restarts, draw, needed, least)
     lam, right = lam[needed(lam)], right[:, needed(lam)]
     i, j = _nearest(lam, other.conj())
     same = np.abs(lam[i] - other[j].conj()) <= _SAME * np.abs(lam[i])

@@ -32,7 +32,7 @@ _SEED = 20261125
 
 def largest_within(
     apply: Solve, size: int, radius: float, most: int, restarts: int = 12, draw: int = 0,
-    needed: Callable[[np.ndarray], np.ndarray] | None = None, block: int = BLOCK,
+    needed: Callable[[np.ndarray], np.ndarray] | None = None, block: int = BLOCK, least: int = 0,
 ) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return eigenvalues ν (k,) with |ν| > 1/radius, their vectors (size, k), and a radius for which these are all.
 
@@ -58,6 +58,9 @@ def largest_within(
         Which of ν (k,) are worth up to `_PATIENT` restarts more, where they begin to show in a full space.
     block : int
         Vectors that are multiplied at once.
+    least : int
+        With fewer vectors the search does not end, unless a full space has no more. The eigenvalues found so far do not
+        tell of one that hardly shows yet, since it is not much larger than a crowd of others.
 
     References
     ----------
@@ -93,7 +96,7 @@ def largest_within(
         count, known = _sure(np.abs(nu), residual, radius, most)
         open_ = nu[(np.abs(nu) > 1 / radius) & (residual <= _SHOWN * np.abs(nu)) & ~_converged(np.abs(nu), residual)]
         patient = needed is not None and cut < _PATIENT and needed(open_).any()
-        if known >= radius or count >= most or (full and cut >= restarts and not patient):
+        if (known >= radius and (m >= least or full)) or count >= most or (full and cut >= restarts and not patient):
             converged = np.flatnonzero(_converged(np.abs(nu), residual) & (np.abs(nu) > 1 / radius))
             chosen = np.union1d(np.arange(count), converged[: max(most, count)])[: max(most, count)]
             return nu[chosen], combine(V[:, :m], y[:, chosen]), known

@@ -38,14 +38,15 @@ _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 # Of |λ|, and times their uncertainty, by which rounding parts those of a defective eigenvalue: eigenvalues of two discs
 # that are closer are one.
 _SAME, _BLUR = 1e-7, 4
-_GROWING, _NARROW = 0.53, 0.9  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
+_GROWING, _NARROW = 0.56, 0.8  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
+_SHOWN = 100.0  # times the mean part of a mode in a random vector: so much smaller parts show what grows, too
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
 # Of a frequency: the real part, and the imaginary one, of a shift around which flutter up to it is looked for that
 # grows faster than the discs on the imaginary axis reach; the radius; and where the next such disc begins. These discs
 # reach the left half plane only where those on the axis cover it.
 _ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
-_FAR = 15.0  # of a rate: growth up to here is looked for around one shift
-_FARTHER = 4  # such searches, each beyond the last one
+_FAR = 8.0  # of a rate: growth up to here is looked for around one shift
+_FARTHER = 5  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
 _NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
 
@@ -267,16 +268,18 @@ class KnownBand:
         growing : bool
             Whether only what grows counts.
         """
-        most, out, restarts, draw, needed = _FEW, None, 0, 0, None
+        most, out, restarts, draw, needed, least = _FEW, None, 0, 0, None, 0
         if expected is None:
             out, draw, needed = self._states(), len(self.lam), is_light
         else:
             most, restarts = int(_MOST * expected) + _FULL, _RESTARTS
+        if growing:
+            least = BLOCK * enough_steps(self.pencil.n, radius / abs(sigma))
         for _ in range(_MOVES):
             self.discs += 1
             try:
                 operator = ShiftInverted(self.pencil, sigma, self.free, self.linear_solver, out)
-                lam, right, left, known = pairs_within(operator, radius, most, restarts, draw, needed)
+                lam, right, left, known = pairs_within(operator, radius, most, restarts, draw, needed, least)
             except SingularError:
                 sigma *= _MOVE
                 continue
@@ -367,6 +370,16 @@ class KnownBand:
 def is_light(lam: np.ndarray) -> np.ndarray:
     """Return (k,) bool, which of the upper half plane's eigenvalues lam (k,) grow or swing with light damping."""
     return np.asarray((lam.imag >= 0) & (lam.real > -LIGHT * lam.imag))
+
+
+def enough_steps(n: int, radius: float) -> int:
+    """Return how many products show an eigenvalue in a disc around a real shift 1 with a radius below 1.
+
+    Seen from there, all λ with Re λ ≤ 0 have 1/(λ − 1) in a circle around −1/2 with radius 1/2, and all in the disc
+    are at least 1/radius − 1/2 away from its centre. With each product these grow by the ratio of both against those,
+    of which a random vector of 2n numbers has √(2n) times as much as of one of these.
+    """
+    return int(np.ceil(np.log(_SHOWN * np.sqrt(2 * n)) / np.log(2 / radius - 1)))
 
 
 def _on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:

@@ -148,7 +148,7 @@ class ShiftInverted:
 
     def within(
         self, radius: float, most: int, adjoint: bool = False, restarts: int = 12, draw: int = 0,
-        needed: Callable[[np.ndarray], np.ndarray] | None = None,
+        needed: Callable[[np.ndarray], np.ndarray] | None = None, least: int = 0,
     ) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
         """Return the θ or λ in a disc around the shift, the vectors u, and a radius inside which these are all.
 
@@ -160,7 +160,7 @@ class ShiftInverted:
             Largest number of eigenvalues to look for; if there are more, the radius returned is smaller.
         adjoint : bool
             As for `largest`.
-        restarts, draw : int
+        restarts, draw, least : int
             As for `largest_within`.
         needed : callable, optional
             As for `largest_within`, of θ or λ (k,).
@@ -176,7 +176,9 @@ class ShiftInverted:
             return np.zeros(len(nu), bool) if needed is None else needed(values)
 
         with one_openblas_thread():
-            nu, z, known = largest_within(apply, self.size, radius / self._unit, most, restarts, draw, patient)
+            nu, z, known = largest_within(
+                apply, self.size, radius / self._unit, most, restarts, draw, patient, least=least
+            )
         return *finish(nu, z), known * self._unit
 
     def _operator(self, adjoint: bool) -> tuple[Solve, Callable[[np.ndarray, np.ndarray], Pairs], DTypeLike]:

@@ -202,7 +202,8 @@ def find_crossing(
         is_last &= rounding < small or np.isfinite(last)  # one step does not tell how flat a root lost in rounding is
         if is_last and (abs(step[0]) <= _TURNED * abs(omega) or abs(step[0]) <= _AT_REST * _fastest(pencil, x)):
             # Where Re λ passes zero as (p − p_c)ᵐ, a step is 1/m of the distance, 1 − 1/m of the step before.
-            order = 1 / (1 - min(abs(step[1]) / last, 1 - 1 / _FLATTEST))
+            shrinks = min(abs(step[1]) / last, 1 - 1 / _FLATTEST) if last else 0.0  # p was exact before, and ω was not
+            order = 1 / (1 - shrinks)
             return Root(float(p), float(omega**2), speed, float(order * (abs(step[1]) + rounding)), x, y)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")

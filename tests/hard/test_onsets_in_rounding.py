@@ -42,14 +42,19 @@ def asked(monkeypatch):
 
 
 def test_nearly_rigid_bodies(asked):
-    """Three blocks 1e12 times as stiff as their springs, two of them alike: the onset of nine masses, no more."""
+    """Three blocks 1e12 times as stiff as their springs, two of them alike: the onset of nine masses, no more. The two
+    that are alike turn at one frequency, which friction leaves as it is: rounding may hide whether these modes grow."""
     setup = SETUPS["nine-dof"]
     case = setup.make()
     result = sweep(case.problem(setup.modulus), np.linspace(0, 1, 6), modes=12)
     [onset] = result.onsets
     [exact] = [mu for mu in case.model.critical_mu() if mu < 1]
     assert onset.value == pytest.approx(exact, rel=1e-4)  # what is left falls with 1/E: tests/analytic/test_compare.py
-    assert not result.unsettled
+    turning = result.points[0].modes.frequency_hz[4:6]
+    assert np.ptp(turning) < 1e-4 * turning[0]
+    for sentence in result.unsettled:
+        assert "are one within rounding" in sentence
+        assert float(re.search(r"[\d.]+(?= Hz)", sentence)[0]) == pytest.approx(turning[0], rel=1e-3)
     assert sum(asked) < 20 * len(asked)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_squeal.eigen.disc import largest_within, room_for
+from fe_squeal.eigen.disc import BLOCK, largest_within, room_for
+from fe_squeal.eigen.known_band import enough_steps
 
 N = 600
 
@@ -95,3 +96,20 @@ def test_an_empty_disc_takes_few_vectors():
     nu, z, known = largest_within(operator, N, 3.0, 40)
     assert known == 3.0 and z.shape == (N, 0) and not len(nu)
     assert operator.columns < 60
+
+
+@pytest.mark.parametrize(("growth", "draws"), [(0.205, [87, 113]), (1.795, range(20))])
+def test_what_grows_shows_beside_a_crowd_that_does_not(growth, draws):
+    """A real λ at the rim of a disc around 1, and states of pairs that swing slowly: they are not much farther away.
+    From the draws 87 and 113, two of 200, as many vectors as an empty disc takes do not show it."""
+    square = np.linspace(1e-3, 0.2, 449)[:, None] ** 2  # u̇ = v, v̇ = −ω²u
+
+    def apply(z):
+        own, (u, v) = z[:2] / np.array([[growth - 1.0], [-1.0]]), z[2:].reshape(2, 449, -1)
+        return np.vstack([own, (-u - v) / (1 + square), (square * u - v) / (1 + square)])
+
+    for draw in draws:
+        least = BLOCK * enough_steps(450, 0.8)
+        nu, _, known = largest_within(apply, 900, 0.8, 40, 0, draw, least=least)
+        np.testing.assert_allclose(1 + 1 / nu, [growth], rtol=1e-9)
+        assert known == 0.8
