@@ -233,7 +233,8 @@ class ReducedModel(BegunModel):
         return self.basis.collected()
 
     def root_error(
-        self, value: Place, theta: float, right: np.ndarray, left: np.ndarray, here: Problem | None = None
+        self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, here: Problem | None = None,
+        crosses: bool = False,
     ) -> tuple[float, float]:  # fmt: skip
         """Return how far a critical value may be off because of the reduction, and because of rounding.
 
@@ -241,14 +242,14 @@ class ReducedModel(BegunModel):
         ----------
         value : float or tuple of float
             The critical value.
-        theta : float, rad²/s²
-            The eigenvalue −λ² there.
+        lam : complex, rad/s
+            The eigenvalue there.
         right, left : (r,) float or complex
             The right and left vector there, in the coordinates of the reduced model.
-        here : Problem, optional
+        here, crosses
             See `ReducedBasis.root_error`.
         """
-        return self.basis.root_error(value, 1j * np.sqrt(theta + 0j), right, left, self.highest, here=here)
+        return self.basis.root_error(value, lam, right, left, self.highest, here=here, crosses=crosses)
 
     @cached_property
     def middle(self) -> Factor:

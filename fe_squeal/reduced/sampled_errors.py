@@ -110,9 +110,12 @@ class SampledErrors(Projection):
 
     def root_error(
         self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float, parameter: str = "",
-        here: Problem | None = None,
+        here: Problem | None = None, crosses: bool = False,
     ) -> tuple[float, float]:  # fmt: skip
         """Return how far a parameter at which Q(λ)φ = 0, ψᴴQ(λ) = 0 may be off, ‖η‖‖ρ‖/|ψᴴ(∂Q/∂p)φ|, and by rounding.
+
+        A λ that crosses the imaginary axis moves along it, too: ψᴴQφ = δ, which both errors bound, moves λ by
+        −δ/(ψᴴQ'φ), and p has to bring back its real part alone. In place of |ψᴴ(∂Q/∂p)φ| stands |ψᴴQ'φ| |dRe λ/dp|.
 
         The second number is what rounding of the problem's own entries makes of that parameter. The first one has what
         the projected Q(λ) at the value itself leaves, ψᴴQ(λ)φ, if that is a root of interpolated matrices.
@@ -123,6 +126,8 @@ class SampledErrors(Projection):
             Which of several parameters p is.
         here : Problem, optional
             The projected problem at the value, affine in the parameter; needed if the basis has a table.
+        crosses : bool
+            Whether λ crosses the imaginary axis.
         """
         lams, phi, psi = np.array([lam]), right[:, None], left[:, None]
         rho, eta = self._sampled(value, lams, phi, psi)
@@ -137,14 +142,18 @@ class SampledErrors(Projection):
             matrices = [t.matrix for t in here.terms]
         else:
             here = self.at(value)
-        change = 0j
+        change, moved = 0j, 0j
         for term, A in zip(here.terms, matrices, strict=True):
             if slope := sum(term.slope(p, here.parameters) for p in paths_of(along)):
                 change += slope * complex(term.unit(lam)) * complex(np.vdot(left, A @ right))
+            if crosses and (power := POWER[term.slot]):
+                factor = complex(term.factor(1.0, here.parameters)) * power * lam ** (power - 1)
+                moved += factor * complex(np.vdot(left, A @ right))
         x, y = lift(self.V, phi), lift(self.V[self._lines], psi)
         share = len(self.V) / len(self._lines)
         rounding = ROUNDING * share * float(np.sum(np.abs(y) * self._magnitude(value, lams, x)))
-        return (both / abs(change), rounding / abs(change)) if change else (np.inf, np.inf)
+        slope = abs(moved) * abs((change / moved).real) if moved else abs(change)
+        return (both / slope, rounding / slope) if slope else (np.inf, np.inf)
 
     def residual_product(
         self, value: Place, lam: complex, right: np.ndarray, left: np.ndarray, highest: float

@@ -36,28 +36,28 @@ class SharperModel:
         """Return a vector (m,) of the model, or of the basis before it grew, as one (r,) of the present basis."""
         return np.pad(vector, (0, len(self._basis) - len(vector)))
 
-    def correct(self, value: float, theta: float, right: np.ndarray, left: np.ndarray, factor: Factor) -> None:
+    def correct(self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, factor: Factor) -> None:
         """Add the corrections of a mode to the basis.
 
         Parameters
         ----------
         value : float
             Of the parameter.
-        theta : float, rad²/s²
-            The eigenvalue −λ² there.
+        lam : complex, rad/s
+            The eigenvalue there.
         right, left : (r,) float or complex
             The right and left vector there, in coordinates of the present basis.
         factor : Factor
             Of Q(λ) at a value and a frequency that need not be these.
         """
-        lam, unknown = np.array([1j * np.sqrt(theta + 0j)]), np.zeros(1)
-        mode = Modes(lam, right[:, None], left[:, None], unknown, unknown, unknown)
+        unknown = np.zeros(1)
+        mode = Modes(np.array([lam]), right[:, None], left[:, None], unknown, unknown, unknown)
         self._model.correct(self._basis, value, mode, factor)
         self.__dict__.pop("problem", None)
 
     def root_error(
-        self, value: float, theta: float, right: np.ndarray, left: np.ndarray, here: Problem | None = None
+        self, value: float, lam: complex, right: np.ndarray, left: np.ndarray, here: Problem | None = None,
+        crosses: bool = False,
     ) -> tuple[float, float]:  # fmt: skip
         """Return how far a critical value may be off for vectors (r,), see `ReducedModel.root_error`."""
-        lam = 1j * np.sqrt(theta + 0j)
-        return self._basis.root_error(value, lam, right, left, self._model.highest, here=here)
+        return self._basis.root_error(value, lam, right, left, self._model.highest, here=here, crosses=crosses)

@@ -63,7 +63,8 @@ class Residual:
     right, left : (n,) float or complex
         φ and ψ: where F = 0, Q(λ) φ = 0 and ψᴴQ(λ) = 0.
     slopes : (2,) float
-        |ψᴴ (∂Q/∂s) φ| for s along both axes.
+        |ψᴴ (∂Q/∂s) φ| for s along both axes: by this an error of ψᴴ Q φ is divided, to give one of s. Where λ
+        crosses the imaginary axis, that part of each number counts which λ does not make up for by moving along it.
     rounding : float
         By how much rounding of the matrices' entries may change ψᴴ Q φ.
     """
@@ -159,6 +160,8 @@ class Boundary:
         g_v = -np.vdot(w, Q_v @ x) / scale
         if self.kind == "hopf":
             row = np.array([g_v, *g_s])
+            if g_v:  # δ + g_v dv + g_s ds = 0 with real dv and ds: |ds| ≤ |δ| |g_v| / |Im(g_s g_v*)|
+                slopes = scale * np.abs((g_s * g_v.conj()).imag) / abs(g_v)
             return Residual(np.array([g.real, g.imag]), np.stack([row.real, row.imag]), x, w, slopes, rounding)
 
         def moved(A: np.ndarray) -> np.ndarray:

@@ -93,13 +93,7 @@ class Bisection:
         # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
         if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
             unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
-        if step.reduced_model is not None and growing.left is not None:
-            pair = growing.right[:, i], growing.left[:, i]
-            right, left = (real_direction(u[:, None]) for u in pair) if change.kind == "meeting" else pair
-            affine = step.problem.is_affine(step.parameter)
-            here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})
-            error = step.reduced_model.root_error(value, lam.imag**2, right, left, here)[0]
-            unseen += error  # of a modal projection it may be wider than the step, and then nothing is known
+        unseen += self._reduced(change, value, more)
         law = law_of(step, change)
         if law == "parting":  # growth does not begin there, and its distance says nothing
             speed = np.nan
@@ -107,6 +101,25 @@ class Bisection:
             law = _law_by_growth(growing, i, unstable(value + into * aside / _NEARER))
             speed *= np.sqrt(aside) if law == "root" else 1.0
         return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen, law)
+
+    def _reduced(self, change: Change, value: float, more: Modes) -> float:
+        """Return the error of a reduced model in an onset, from the modes `more` just beyond it.
+
+        Where two θ meet they are one defective mode, which is real. Where two λ do so on the axis, it is a wave. The
+        error of a modal projection may be wider than the step, and then nothing is known.
+        """
+        step = self.step
+        if step.reduced_model is None or more.left is None:
+            return 0.0
+        i = int(np.argmin(more.lam.real))
+        lam, right, left = complex(more.lam[i]), more.right[:, i], more.left[:, i]
+        if change.kind == "meeting" and step.in_theta:
+            theta = -complex(lam**2).real
+            lam = complex(np.sqrt(-theta) if theta < 0 else 1j * np.sqrt(theta))
+            right, left = (real_direction(u[:, None]) for u in (right, left))
+        affine = step.problem.is_affine(step.parameter)
+        here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})
+        return step.reduced_model.root_error(value, lam, right, left, here, change.kind == "crossing")[0]
 
     def _until_stable(self, change: Change, value: float, lam: complex, unseen: float, highest: float) -> float:
         """Return how far on the stable side of an onset its mode decays for sure, and `unseen` at least.

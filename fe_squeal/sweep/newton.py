@@ -39,6 +39,8 @@ class Root:
         The right and left vector of Q(λ) there.
     coefficient_sign : int
         1 where two eigenvalues become a complex pair for a rising parameter, −1 where a pair becomes two.
+    crosses : bool
+        Whether an eigenvalue that moves crosses the imaginary axis there: Re λ = 0 alone is asked for.
     """
 
     value: float
@@ -48,6 +50,12 @@ class Root:
     right: np.ndarray = field(repr=False)
     left: np.ndarray = field(repr=False)
     coefficient_sign: int = 0
+    crosses: bool = False
+
+    @property
+    def lam(self) -> complex:
+        """The eigenvalue λ with Im λ ≥ 0, rad/s; a real one that grows."""
+        return complex(np.sqrt(-self.theta) if self.theta < 0 else 1j * np.sqrt(self.theta))
 
 
 def find_coalescence(
@@ -204,7 +212,8 @@ def find_crossing(
             # Where Re λ passes zero as (p − p_c)ᵐ, a step is 1/m of the distance, 1 − 1/m of the step before.
             shrinks = min(abs(step[1]) / last, 1 - 1 / _FLATTEST) if last else 0.0  # p was exact before, and ω was not
             order = 1 / (1 - shrinks)
-            return Root(float(p), float(omega**2), speed, float(order * (abs(step[1]) + rounding)), x, y)
+            uncertainty = float(order * (abs(step[1]) + rounding))
+            return Root(float(p), float(omega**2), speed, uncertainty, x, y, crosses=True)
         last = abs(step[1])
     raise NotConvergedError(f"crossing near {parameter} = {value:.6g}: Newton's method did not converge")
 

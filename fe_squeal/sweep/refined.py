@@ -232,7 +232,7 @@ class Refiner:
             root = newton(step.problem, root.value, x, y)
             return root, _is_one_shape(first, root.right, step.problem.mass)
         root, here = self._on_reduced(newton, step.problem, root.value, x, y)
-        error, rounding = reduced.root_error(root.value, root.theta, root.right, root.left, here)
+        error, rounding = reduced.root_error(root.value, root.lam, root.right, root.left, here, root.crosses)
         if error <= max(rounding, _SURE * abs(root.value)) and not self.precise:
             same = _is_one_shape(first, root.right, step.problem.mass)
             return replace(root, uncertainty=root.uncertainty + error + rounding), same
@@ -289,12 +289,12 @@ class Refiner:
             factor = reduced.middle if trial < _CORRECTIONS // 2 else reduced.factorize(root.value)
             x, y = sharper.padded(root.right), sharper.padded(root.left)
             try:
-                sharper.correct(root.value, root.theta, x, y, factor)
+                sharper.correct(root.value, root.lam, x, y, factor)
                 x, y = sharper.padded(x), sharper.padded(y)
                 root, here = self._on_reduced(newton, sharper.problem, root.value, x, y)
             except FAILURES:
                 return None
-            error, rounding = sharper.root_error(root.value, root.theta, root.right, root.left, here)
+            error, rounding = sharper.root_error(root.value, root.lam, root.right, root.left, here, root.crosses)
             if error <= max(rounding, _SURE * abs(root.value)):
                 return replace(root, uncertainty=root.uncertainty + error + rounding)
         return None

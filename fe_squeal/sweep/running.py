@@ -374,9 +374,13 @@ def _growing(modes: Modes) -> int:
 
 
 def _reach(modes: Modes, wanted: int) -> float:
-    """Return the highest frequency Im λ of the first `wanted` modes, rad/s; of a growing mode |λ| counts instead."""
+    """Return the highest frequency Im λ of the first `wanted` modes, rad/s; of a growing mode |λ| counts instead.
+
+    Where none of them swings or grows, the largest |λ|: an overdamped mode may become unstable.
+    """
     lam, growing = modes.lam[:wanted], modes.stability[:wanted] == "unstable"
-    return float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
+    reach = float(np.where(growing, np.abs(lam), lam.imag).max(initial=0.0))
+    return reach or float(np.abs(lam).max(initial=0.0))
 
 
 def _limit(request: Request) -> float:

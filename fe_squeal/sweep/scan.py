@@ -43,7 +43,8 @@ class Scan:
     open : list of Open
         Groups with more modes at one value than at the next.
     unsettled : list of (float, float, float)
-        Both ends of an interval, and a frequency, rad/s: stability there could not be decided with `_NODES` values.
+        Both ends of an interval, and the lowest frequency of a group, rad/s, whose stability there could not be decided
+        with `_NODES` values.
     width : float
         Every window of instability wider than this, in the parameter, was found.
     nodes : int
@@ -124,7 +125,7 @@ def scan(
                 asked.append(scale.x(cluster.value(more.t)))
                 unsettled.append(members)
         lams = [np.concatenate([a.lam[s0], b.lam[s1]]) for s0, s1 in unsettled]
-        told = [(a.value, b.value, float(lam.imag.mean())) for lam in lams]
+        told = [(a.value, b.value, float(lam.imag[lam.imag >= 0].min(initial=np.inf))) for lam in lams]
         if halved is not None and count >= _NODES_IF_HALVED and any(omega <= halved for *_, omega in told):
             return Scan([], [], told, width, count)
         if asked and count < _NODES and share > SETTLED:

@@ -63,13 +63,13 @@ def two_mode_value(problem: Problem, parameter: str, start: float, modes: Modes,
     if dK is None or moves_mass or left is None or right[:, [a, b]].imag.any():
         return np.nan
     F = left[:, [a, b]].real.T @ (dK @ right[:, [a, b]].real)
-    theta = modes.lam[[a, b]].imag ** 2
+    theta = -(modes.lam[[a, b]] ** 2).real
     d_theta, d_F = theta[0] - theta[1], F[0, 0] - F[1, 1]
     cross = 4 * F[0, 1] * F[1, 0]
     if abs(cross) <= 1e-12 * np.abs(F).max() ** 2:
         return np.nan  # the two modes are not coupled, or so that frequencies may cross but both stay stable
     roots = np.roots([d_F**2 + cross, 2 * d_theta * d_F, d_theta**2])
     # Two modes alone predict nothing where the change moves eigenvalues by more than their own size.
-    sensible = (roots.real > 0) & (roots.real * np.abs(F).max() <= theta.max())
+    sensible = (roots.real > 0) & (roots.real * np.abs(F).max() <= np.abs(theta).max())
     real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & sensible]
     return float(start + real.min()) if len(real) else np.nan

@@ -60,6 +60,14 @@ def test_what_two_modes_predict_is_told_where_stiffness_is_linear(power, onset):
     assert found.two_mode_value == pytest.approx(onset if power == 1 else np.nan, rel=1e-9, nan_ok=True)
 
 
+def test_what_two_modes_predict_where_one_diverges_at_the_first_value():
+    """K(1) = [[2, 1], [−1, 4]] has the double θ = 3. At p = 0 θ is −1 and 4."""
+    stiffness = np.diag([-1.0, 4.0])
+    result = sweep(problem(stiffness, [[3.0, 1.0], [-1.0, 0.0]]), np.linspace(0, 1.5, 6), modes=2)
+    [flutter] = [o for o in result.onsets if o.kind == "flutter"]
+    assert [flutter.value, flutter.two_mode_value] == pytest.approx([1.0, 1.0], rel=1e-9)
+
+
 def test_growth_rates_behind_the_onset():
     """λ at μ = 0.5 and 1 for friction on the whole normal diagonal, to the digits of 40-digit arithmetic."""
     result = sweep(block_on_belt(reading="all"), [0.3, 0.5, 1.0], modes=2)

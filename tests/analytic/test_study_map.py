@@ -63,6 +63,22 @@ def test_hopf_curve_of_two_damped_modes():
     assert (grid["unstable"] == (grid["x"] ** 2 - grid["y"] ** 2 / 4 > c**2 * (1 + grid["y"] / 2))).all()
 
 
+def test_what_an_error_does_to_a_hopf_curve():
+    """An error δ of ψᴴQφ, of any phase, moves each of the two numbers alone by |δ|/slope at most, the largest of many
+    phases, where λ may move along the axis."""
+    problem = two_modes(damping=0.02)
+    found = stability_map(problem, axis("mu", 0.01, 0.1, 4), axis("delta", 0.0, 0.15, 4), modes=2)
+    phases = np.exp(1j * np.linspace(0, np.pi, 2001))
+    [curve] = found.curves
+    for point in curve.points[::5]:
+        mu, delta = curve.boundary.place(point.u)
+        pencil, lam = problem.pencil({"mu": mu, "delta": delta}), curve.boundary.eigenvalue(point.u)
+        unit = abs(pencil.K + lam * pencil.C + lam**2 * pencil.M).max()  # F is ψᴴQφ in this unit
+        for k, slope in enumerate(point.residual.slopes):
+            moved = np.linalg.solve(point.residual.J[:, [0, 1 + k]], np.stack([phases.real, phases.imag]) / unit)[1]
+            assert np.abs(moved).max() == pytest.approx(1 / slope, rel=1e-5)
+
+
 def three_modes():
     """Return K with the eigenvalues θ = 10 + t, t³ + pt + q = 0."""
     low, shift = np.zeros((3, 3)), np.diag([1.0, 1.0], 1) + 10 * np.eye(3)

@@ -254,3 +254,50 @@ def test_conservative_gyroscopic_system_that_friction_leaves(seed):
     found = sorted((2 * np.pi * o.frequency_hz, o.crossing_speed) for o in first)
     expected = sorted(zip(lam.imag[speeds > 0], speeds[speeds > 0], strict=True))
     np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_errors_of_a_reduced_model_where_a_stiffness_is_swept(tolerance):
+    """It moves frequencies far more than growth. An error of λ is one of Re λ as well, whatever λ does along the axis,
+    and moves an onset by itself over dRe λ/dp."""
+    n = 260
+    chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csr")
+    friction, damper, other = (sp.lil_array((n, n)) for _ in range(3))
+    for i, j in itertools.product((60, 61), (90, 91)):
+        friction[i, j] = 0.02 if j == 90 else -0.02
+    damper[40, 40], other[43, 43] = -2e-3, 2e-3
+    terms = [Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", chain, True, {"p": 1}),
+             Term("f", "K", sp.csr_array(friction), False), Term("negative", "C", sp.csr_array(damper), True),
+             Term("positive", "C", sp.csr_array(other), True, {"p": 1})]  # fmt: skip
+    problem, values = Problem(tuple(terms), {"p": 1.0}), np.linspace(0.5, 1.6, 9)
+    found = fe_squeal.sweep(problem, values, "p", 6, method="reduced", tolerance=tolerance).onsets
+    exact = fe_squeal.sweep(problem, values, "p", 6, method="direct").onsets
+    assert len(found) == len(exact) == 4
+    for a, b in zip(found, exact, strict=True):
+        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty < 0.01
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_waves_that_meet_on_the_axis(method):
+    """M = 1, G = 2 [[0, 1], [−1, 0]], K = diag(1.05 − p, 1.25 − p): K is indefinite between 1.05 and 1.25; beyond, both
+    modes swing until √(p − 1.05) + √(p − 1.25) = 2, where two λ = iω meet, whose shapes are no real ones."""
+    terms = [Term("m", "M", sp.eye_array(2, format="csr"), True),
+             Term("k", "K", sp.csr_array(np.diag([1.05, 1.25])), True),
+             Term("soft", "K", sp.csr_array(-np.eye(2)), True, {"p": 1}),
+             Term("g", "C", sp.csr_array(np.array([[0.0, 2.0], [-2.0, 0.0]])), False, skew=True)]  # fmt: skip
+    result = fe_squeal.sweep(Problem(tuple(terms), {"p": 0.0}), np.linspace(0, 3, 11), "p", modes=2, method=method)
+    assert not result.warnings and not result.unsettled
+    assert [o.direction for o in result.onsets] == ["into", "out of", "into"]
+    for onset, exact in zip(result.onsets, (1.05, 1.25, 2.1525), strict=True):
+        assert abs(onset.value - exact) <= onset.uncertainty < 1e-6
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+def test_a_window_between_values_at_which_the_only_mode_is_overdamped(method):
+    """ü + 5u̇ + (1 − 8p + 8.2p²)u = 0 diverges between the roots of its stiffness, (8 ± √31.2)/16.4."""
+    terms = [Term("m", "M", sp.csr_array([[1.0]]), True), Term("c", "C", sp.csr_array([[5.0]]), True)]
+    terms += [Term(f"k{i}", "K", sp.csr_array([[k]]), True, {"p": i}) for i, k in enumerate((1.0, -8.0, 8.2))]
+    result = fe_squeal.sweep(Problem(tuple(terms), {"p": 0.0}), [0.0, 1.0], "p", modes=1, method=method)
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    for onset, sign in zip(result.onsets, (-1, 1), strict=True):
+        assert abs(onset.value - (8 + sign * 31.2**0.5) / 16.4) <= onset.uncertainty < 1e-6

@@ -49,15 +49,15 @@ def test_corrections_leave_the_model_as_it_is():
     model = ReducedModel(problem, "mu", VALUES, Request(count=MODES, tolerance=1e-3))
     modes, size = model.modes(0.45), len(model.basis)
     sharper = SharperModel(model)
-    theta = float(modes.lam[0].imag ** 2)
+    lam = 1j * modes.lam[0].imag
     right, left = modes.right[:, 0].real, modes.left[:, 0].real
-    before = sharper.root_error(0.45, theta, right, left)
-    assert before == model.root_error(0.45, theta, right, left)
-    sharper.correct(0.45, theta, right, left, model.middle)
+    before = sharper.root_error(0.45, lam, right, left)
+    assert before == model.root_error(0.45, lam, right, left)
+    sharper.correct(0.45, lam, right, left, model.middle)
     assert len(model.basis) == size < sharper.problem.unknowns
     # The same numbers of the same vector in the larger basis: what was added is orthogonal to it, in the P-norm.
     padded = sharper.padded(right), sharper.padded(left)
-    np.testing.assert_allclose(sharper.root_error(0.45, theta, *padded)[0], before[0], rtol=1e-6)
+    np.testing.assert_allclose(sharper.root_error(0.45, lam, *padded)[0], before[0], rtol=1e-6)
     np.testing.assert_array_equal(model.modes(0.45).lam, modes.lam)
 
 
@@ -70,8 +70,8 @@ def test_a_model_that_was_stored_is_sharpened_alike():
     errors = []
     for each in (model, again):
         sharper = SharperModel(each)
-        sharper.correct(0.45, float(modes.lam[0].imag ** 2), right, left, each.middle)
-        errors.append(sharper.root_error(0.45, 1.0, sharper.padded(right), sharper.padded(left)))
+        sharper.correct(0.45, 1j * modes.lam[0].imag, right, left, each.middle)
+        errors.append(sharper.root_error(0.45, 1j, sharper.padded(right), sharper.padded(left)))
     assert errors[0] == pytest.approx(errors[1], rel=1e-9)
 
 
@@ -81,7 +81,7 @@ def test_the_error_of_a_root_at_rest():
     modes = model.modes(0.45)
     right, left = modes.right[:, 0].real, modes.left[:, 0].real
     for each in (model, SharperModel(model)):
-        at_rest, *beside = (each.root_error(0.45, theta, right, left) for theta in (0.0, 1e-20, -1e-20))
+        at_rest, *beside = (each.root_error(0.45, lam, right, left) for lam in (0j, 1e-10j, 1e-10))
         assert min(at_rest) > 0
         for found in beside:
             assert found == pytest.approx(at_rest, rel=1e-6)
