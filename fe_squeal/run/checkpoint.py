@@ -47,6 +47,7 @@ class Checkpoint:
     ----------
     results : Manifest
         The manifest of the folder of results. `begin` makes the folder of the checkpoint in it.
+        What an earlier run left there counts as this run's, unless `postpone` is called.
 
     Attributes
     ----------
@@ -58,6 +59,7 @@ class Checkpoint:
         self.results = results
         self.folder = folder = results.folder / CHECKPOINT
         self.report: Callable[[SweepState], None] = lambda state: None
+        self._due: Callable[[], None] | None = None  # what `postpone` was given, until it is called
         self._inputs = folder / "inputs.json"
         self._model, self._first, self._state = (folder / f"{name}.npz" for name in ("model", "first", "state"))
         self._written = 0  # number of points that are written
@@ -69,6 +71,11 @@ class Checkpoint:
     def exists(self) -> bool:
         """Whether there is a checkpoint that a run could resume from."""
         return self._inputs.exists()
+
+    @property
+    def begun(self) -> bool:
+        """Whether what the folder has is of this run: not while a postponed beginning is due."""
+        return self._due is None
 
     @property
     def is_empty(self) -> bool:
@@ -109,6 +116,11 @@ class Checkpoint:
         """Start a new checkpoint for a run with some inputs, in place of any other."""
         self.remove()
         write_json({**inputs, "layout": LAYOUT}, self._inputs)
+        self._due = None
+
+    def postpone(self, begin: Callable[[], None]) -> None:
+        """Leave what is in the folder as it is until the first file is written; `begin` is called right before."""
+        self._due = begin
 
     def remove(self) -> None:
         """Remove the checkpoint, `inputs.json` first: without this file the others do not count as a checkpoint.
@@ -129,7 +141,7 @@ class Checkpoint:
         OutputError
             A file is damaged, or another version of the program wrote it.
         """
-        if not self._state.exists():
+        if not self.begun or not self._state.exists():
             return None
         record = _read(self._state)
         try:
@@ -144,10 +156,11 @@ class Checkpoint:
 
     def load_model(self) -> Record | None:
         """Return the reduced model that was kept, or None."""
-        return _read(self._model) if self._model.exists() else None
+        return _read(self._model) if self.begun and self._model.exists() else None
 
     def save_model(self, model: Record) -> None:
         """Keep the reduced model."""
+        self._begin_if_due()
         _write(self._model, model)
 
     def save(self, state: SweepState) -> None:
@@ -162,6 +175,7 @@ class Checkpoint:
         if state is None:
             return
         start = time.perf_counter()
+        self._begin_if_due()
         if state.first is not self._kept_first:  # the sweep may follow its modes from another value on
             _write(self._first, record_of_modes(state.first))
             self._kept_first = state.first
@@ -173,6 +187,10 @@ class Checkpoint:
         self.report(state)
         self._idle_since = time.perf_counter()
         self._cost = self._idle_since - start
+
+    def _begin_if_due(self) -> None:
+        if self._due is not None:
+            self._due()
 
     def _point(self, i: int) -> Path:
         return self.folder / f"point_{i:05d}.npz"

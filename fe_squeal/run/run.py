@@ -25,6 +25,7 @@ from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
 from ..eigen.shift import LIGHT
 from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
 from ..problem.problem import Problem
+from ..process.signals import signals_deferred
 from ..report.tables import print_onsets, print_unstable
 from ..report.terminal import print_table
 from ..report.warnings import told_once
@@ -78,7 +79,7 @@ def run_scene(
     Raises
     ------
     SceneError, MeshError
-        The scene or its mesh is wrong.
+        The scene or its mesh is wrong; results that the folder had are there as before.
     OutputError
         The folder cannot be used.
     TooLargeError
@@ -109,6 +110,13 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     problem = assemble(scene, mesh)
     parameter, values = swept(scene, problem)
     seconds = {"assembly": time.perf_counter() - start}
+
+    @signals_deferred()  # the folder has what was there or what comes, and nothing between
+    def begin() -> None:
+        remove_results(held)
+        checkpoint.begin(inputs)
+        record(None, "running")
+
     if resume and checkpoint.exists:
         done, spent = checkpoint.progress()
         console.print(f"resuming: {done} of {len(values)} values are finished", markup=False)
@@ -118,8 +126,11 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
         elif resume:
             console.print(f"nothing to resume in {out}: the run starts anew", markup=False)
         spent = 0.0
-        remove_results(held)
-        checkpoint.begin(inputs)
+        # Earlier results make way when there is something to keep of new ones, so that no bad input removes them.
+        if held.names(lambda name: is_result(name) or is_kept(name)):
+            checkpoint.postpone(begin)
+        else:
+            checkpoint.begin(inputs)
     discretisation = discretisation_of(problem)
     if discretisation is not None:
         for text in discretisation.notes:
@@ -152,19 +163,24 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
     checkpoint.report = keep_tables
     status, result, failure, split = "complete", None, None, None
     try:
-        if checkpoint.is_empty:
+        if checkpoint.begun and checkpoint.is_empty:
             record(None, "running")
         result = sweep_scene(scene, problem, console, store=checkpoint)
     except NotConvergedError as error:
         status, failure, result = "not converged", error, _partial(error)
+        if not checkpoint.begun:
+            begin()
     except InputError as error:
-        if checkpoint.is_empty:  # no value of this run was finished: nothing is worth keeping
+        if checkpoint.begun and checkpoint.is_empty:  # no value of this run was finished: nothing is worth keeping
             remove_results(held)
             checkpoint.remove()
         if isinstance(error, SceneError) and scene.source is not None:
             raise SceneError(f"{scene.source}: {error}") from error
         raise
     except KeyboardInterrupt as stop:
+        if not checkpoint.begun:
+            print(f"interrupted: nothing was finished, and {out} is as it was", file=sys.stderr)
+            return INTERRUPTED
         status, result = "interrupted", stop.args[0] if stop.args else None
     if result is not None:
         if estimate and status == "complete":

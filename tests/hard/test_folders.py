@@ -245,7 +245,11 @@ def test_refused_scene_leaves_older_results(place: Path, capsys: pytest.CaptureF
     """Whatever is wrong, and wherever it is found: before the assembly, in it, and as the sweep begins."""
     before = content(place / "out")
     text = (place / "block.toml").read_text()
-    for old, new in (('"bottom"', '"botom"'), ("[solve]", "[slove]"), ("modes = 8", "modes = 8\ntolerance = -1.0")):
+    cases = (
+        ('"bottom"', '"botom"'), ("[solve]", "[slove]"), ("modes = 8", "modes = 8\ntolerance = -1.0"),
+        ('"mu"\nfrom = 0.0\nto = 0.8', '"contacts.belt.sliding.speed"\nfrom = -1.0\nto = 1.0'),  # 0 is among them
+    )  # fmt: skip
+    for old, new in cases:
         bad = write_scene(place, replaced(old, new, text), "bad.toml")
         refused(["run", str(bad), "-o", str(place / "out")], capsys)
         assert content(place / "out") == before

@@ -25,7 +25,7 @@ import fe_squeal.run.inputs
 import fe_squeal.run.lock
 import fe_squeal.run.run
 from fe_squeal.cli import main
-from fe_squeal.errors import NotConvergedError, OutputError
+from fe_squeal.errors import NotConvergedError, OutputError, TooLargeError
 from fe_squeal.geometry import Block, write_mesh
 from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.inputs import differences
@@ -209,6 +209,36 @@ def test_scene_that_fails_leaves_an_older_checkpoint(
     assert main(["run", str(bad), "-o", str(out)]) == 2
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
     assert "resuming: 2 of 5 values" in capsys.readouterr().out
+
+
+def test_older_checkpoint_stays_until_there_is_something_to_keep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run of another scene that is refused as its sweep begins, or stopped there, leaves it, and does not read it."""
+    path, out = write_sweep(tmp_path, 5, "reduced"), tmp_path / "out"
+    interrupt(path, out, 3, monkeypatch)
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    stiffer = sweep_text(5, "reduced").replace("2.0e11", "2.1e11")
+    other = write_scene(tmp_path, stiffer, "other.toml")
+    monkeypatch.setattr(fe_squeal.run.run, "sweep", refusing := Refusing())
+    assert main(["run", str(other), "-o", str(out)]) == 2
+    refusing.error = KeyboardInterrupt()
+    assert main(["run", str(other), "-o", str(out)]) == 130
+    assert capsys.readouterr().err.endswith(f"interrupted: nothing was finished, and {out} is as it was\n")
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+    monkeypatch.undo()
+    for folder in (out, tmp_path / "whole"):
+        assert main(["run", str(other), "-o", str(folder)]) == 0
+    assert_same_results(out, tmp_path / "whole")
+
+
+class Refusing:
+    """In place of the sweep: it ends with an error before it has kept anything."""
+
+    error: BaseException = TooLargeError("the sweep does not fit into memory")
+
+    def __call__(self, *arguments: object, **options: object) -> None:
+        raise self.error
 
 
 def test_differences_are_counted() -> None:
