@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from ..mesh.loading import guarded_reading, load_mesh
 from ..mesh.readers.sources import Sources
 from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene, parse_scene
+from ..scene.writing import seen_from
 from .abaqus.read import draft_abaqus
 from .ansys.read import draft_ansys
 from .draft import Draft
@@ -37,7 +37,7 @@ def draft_of(path: Path, target: Path | None = None) -> Draft:
     ------
     MeshError
     """
-    name = _relative(path, (target or path).parent)
+    name = seen_from((target or path).parent, path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         return draft_template(load_mesh(path), name)
@@ -66,10 +66,3 @@ def scene_of(path: Path) -> tuple[Scene | MatrixScene, Draft | None]:
     scene = parse_scene(tomllib.loads(draft.text()), str(path))
     scene._source = path
     return scene, draft
-
-
-def _relative(path: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return path.resolve().as_posix()

@@ -25,15 +25,24 @@ def scene_text(scene: Scene | MatrixScene, folder: Path) -> str:
     holders = data.get("terms", []) if isinstance(scene, MatrixScene) else [data["mesh"]]
     for holder in (*holders, *data.get("measured", [])):
         if holder.get("file"):
-            holder["file"] = _seen_from(folder, scene.folder / holder["file"])
+            holder["file"] = seen_from(folder, scene.folder / holder["file"])
     out_of_core = data.get("solve", {}).get("mumps", {})
     if out_of_core.get("folder"):
-        out_of_core["folder"] = _seen_from(folder, scene.folder / out_of_core["folder"])
+        out_of_core["folder"] = seen_from(folder, scene.folder / out_of_core["folder"])
     return "\n".join(_table(data, "")).lstrip("\n") + "\n"
 
 
-def _seen_from(folder: Path, path: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()
+def seen_from(folder: Path, path: Path) -> str:
+    """Return a path relative to a folder, or absolute where it is on another drive.
+
+    Links to folders are followed, since ".." leads to the parent of what a link points to. The name of the file stays,
+    also where it is a link: its ending says what is in the file.
+    """
+    place, folder = path.parent.resolve() / path.name, folder.resolve()
+    try:
+        return Path(os.path.relpath(place, folder)).as_posix()
+    except ValueError:  # another drive
+        return place.as_posix()
 
 
 def _table(data: Mapping[str, Any], path: str) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,22 @@ def test_a_scene_is_written_as_it_was(tmp_path):
     path.parent.mkdir()
     path.write_text(scene_text(parse_scene(study(MU, correlation=[])), path.parent), encoding="utf-8")
     assert load_scene(path).model_dump() == parse_scene(study(MU, correlation=[])).model_dump()
+
+
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links")
+def test_a_scene_behind_a_link_to_a_folder_finds_its_mesh(tmp_path):
+    """The folder lies deeper than the link to it; the mesh is a link as well, and keeps its name with the ending."""
+    (tmp_path / "store" / "deep" / "results").mkdir(parents=True)
+    (tmp_path / "results").symlink_to(tmp_path / "store" / "deep" / "results")
+    (tmp_path / "store" / "blob").write_text("the mesh")
+    (tmp_path / "block.msh").symlink_to(tmp_path / "store" / "blob")
+    scene = parse_scene({**SCENE, "mesh": {"file": "block.msh"}})
+    scene._source = tmp_path / "scene.toml"
+    path = tmp_path / "results" / "scene.toml"
+    path.write_text(scene_text(scene, path.parent), encoding="utf-8")
+    written = load_scene(path)
+    assert written.mesh.file == "../../../block.msh"
+    assert (written.folder / written.mesh.file).read_text() == "the mesh"
 
 
 @pytest.mark.slow
