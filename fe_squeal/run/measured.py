@@ -154,10 +154,10 @@ def _frequencies(frame: pd.DataFrame, entry: Measured, key: str, path: Path) -> 
             " label), or x, y, z with displacements"
         )
     hz = _numbers(frame, "frequency_hz", key, path)
-    wrong = ~(hz > 0)
+    wrong = ~((hz > 0) & (hz < np.inf))
     if wrong.any() or not len(hz):
         found = f"the frequency {hz[wrong][0]:g} in row {int(np.argmax(wrong)) + 2}" if wrong.any() else "no row"
-        raise SceneError(f"{key}: {path} has {found}; expected frequencies above 0 in Hz")
+        raise SceneError(f"{key}: {path} has {found}; expected finite frequencies above 0 in Hz")
     level = _numbers(frame, "level_db", key, path) if "level_db" in frame else np.full(len(hz), np.nan)
     names: list[Any] = frame["label"].to_list() if "label" in frame else [entry.label] * len(hz)
     return [

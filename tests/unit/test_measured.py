@@ -277,6 +277,7 @@ BAD = {
     "columns": ("[[measured]]\nfile = 'bad.csv'\n", "has the columns a, b; expected frequency_hz"),
     "words": ("[[measured]]\nfile = 'words.csv'\n", "column frequency_hz"),
     "negative": ("[[measured]]\nfile = 'negative.csv'\n", "the frequency -5 in row 3"),
+    "infinite": ("[[measured]]\nfile = 'infinite.csv'\n", "the frequency inf in row 3"),
     "no displacement": ("[[measured]]\nfile = 'points.csv'\n", "expected x, y, z and some of ux_re"),
     "damaged": ("[[measured]]\nfile = 'bad.unv'\n", "bad.unv"),
     "skew axes": ("[[measured]]\nfrequency_hz = 5.0\naxes = [[1, 0, 0], [1, 1, 0]]\n", "two vectors at right angles"),
@@ -291,7 +292,7 @@ def test_what_is_refused_before_anything_is_solved(
 ) -> None:
     measured, said = BAD[case]
     for name, text in (("bad.csv", "a,b\n1,2\n"), ("words.csv", "frequency_hz\nloud\n"), ("bad.unv", "no\n"),
-                       ("negative.csv", "frequency_hz\n5\n-5\n"),
+                       ("negative.csv", "frequency_hz\n5\n-5\n"), ("infinite.csv", "frequency_hz\n5\ninf\n"),
                        ("long.csv", f"frequency_hz\n{'1' * 500}\n5\n"), ("points.csv", "x,y,z\n0,0,0\n")):  # fmt: skip
         (tmp_path / name).write_text(text)
     scene = write_scene(tmp_path, SCENE + measured)
