@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from ..errors import NotConvergedError, SceneError
 from ..process.isolation import isolated_children
 from ..process.signals import signals_deferred
+from ..version import __version__
 
 _PATIENCE = 5  # s: a scheduler has to answer within this time
 _RESTART = 120  # s: Dask starts a dead worker of this machine again within this time, or never
@@ -176,7 +177,7 @@ def pool_of(processes: Processes | None) -> Iterator[Pool]:
     SceneError
         Other processes are asked for, and dask.distributed is not installed.
     NotConvergedError
-        The scheduler does not answer, or is gone.
+        The scheduler does not answer, is gone, or has workers without this version of the program.
     """
     if processes is None or not (processes.workers or processes.scheduler):
         yield Here()
@@ -198,11 +199,12 @@ def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
     if processes.scheduler:
         try:
             client = distributed.Client(processes.scheduler, timeout=_PATIENCE)
-        except (OSError, ValueError) as error:
+        except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:  # by the kind of the address
             raise NotConvergedError(
-                f"--scheduler: no scheduler of Dask answers at {processes.scheduler} ({type(error).__name__})"
+                f"--scheduler: no scheduler of Dask answers at {processes.scheduler} ({_told_by(error)})"
             ) from error
         with client:
+            _check_versions(client, processes.scheduler)
             yield client
         return
     settings = {"n_workers": processes.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
@@ -222,6 +224,34 @@ def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
             local = opened.enter_context(distributed.LocalCluster(**settings, scheduler_kwargs=free, silence_logs=50))
             client = opened.enter_context(distributed.Client(local))
         yield client
+
+
+def _check_versions(client: Any, address: str) -> None:
+    """Check that this version is on all workers: one without it would die of its first task unnoticed.
+
+    Raises
+    ------
+    NotConvergedError
+        It is not, or the scheduler cannot read what it is sent.
+    """
+    try:
+        client.wait_for_workers(1)
+        found = {*client.run(_version).values(), client.submit(_version, pure=False).result()}
+    except Exception as error:  # of any class: it was raised there
+        found = {_told_by(error)}
+    if found != {__version__}:
+        raise NotConvergedError(
+            f"--scheduler: given {address}; expected fe-squeal {__version__} on the scheduler there and all its"
+            f" workers, found {', '.join(sorted(found - {__version__}))}"
+        )
+
+
+def _version() -> str:
+    return __version__
+
+
+def _told_by(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 @contextmanager

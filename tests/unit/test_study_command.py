@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import signal
@@ -402,13 +403,36 @@ def test_a_cluster_that_loses_a_part(scene, tmp_path, victim):
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nowhere"])
+def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monkeypatch, address):
+    """Without certificates nothing is sent to an address of TLS."""
     pytest.importorskip("distributed")
     monkeypatch.setattr(pools, "_PATIENCE", 0.5)
     out = tmp_path / "out"
-    assert main(["study", str(scene(SCATTER)), "-o", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 3
-    assert "no scheduler of Dask answers" in capsys.readouterr().err
+    assert main(["study", str(scene(SCATTER)), "-o", str(out), "--scheduler", address]) == 3
+    said = capsys.readouterr().err
+    assert f"no scheduler of Dask answers at {address}" in said and said.count("\n") == 1
     assert NotConvergedError.exit_code == 3
+
+
+@pytest.mark.slow
+def test_workers_without_this_version_are_told(scene, tmp_path, capsys, monkeypatch):
+    """Of another version, or without the module that they are sent, of which they would die one after the other."""
+    distributed = pytest.importorskip("distributed")
+    arguments = ["study", str(scene(SCATTER)), "-o", str(tmp_path / "out"), "--scheduler"]
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        with monkeypatch.context() as patched:
+            patched.setattr(pools, "__version__", "0.0.0")
+            assert main([*arguments, cluster.scheduler_address]) == 3
+        assert f"and all its workers, found {fe_squeal.__version__}" in capsys.readouterr().err
+        with monkeypatch.context() as patched:
+            (tmp_path / "absent.py").write_text("def version(): pass\n")
+            patched.syspath_prepend(tmp_path)  # of this process alone
+            patched.setattr(pools, "_version", importlib.import_module("absent").version)
+            assert main([*arguments, cluster.scheduler_address]) == 3
+        said = capsys.readouterr().err
+        assert "all its workers, found" in said and "No module named 'absent'" in said and said.count("\n") == 1
+        assert main([*arguments, cluster.scheduler_address]) == 0
 
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
