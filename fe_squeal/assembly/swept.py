@@ -8,9 +8,15 @@ from ..scene import MatrixScene, Scene
 
 
 def swept(scene: Scene | MatrixScene, problem: Problem) -> tuple[str, list[float]]:
-    """Return the parameter of a scene's sweep and its values; without a sweep μ and its one value."""
+    """Return the parameter of a scene's sweep and its values.
+
+    Without a sweep it is μ, or of a scene of matrices without μ its first parameter, at the one value that it has.
+    Where there is no friction, and no other parameter, μ is 0.
+    """
     if scene.sweep is None:
-        return MU, [problem.parameters.get(MU, 0.0)]
+        own = scene.parameters if isinstance(scene, MatrixScene) else {}
+        parameter = MU if MU in own else next(iter(own), MU)
+        return parameter, [problem.parameters.get(parameter, 0.0)]
     return scene.sweep.parameter, [float(v) for v in scene.sweep.grid]
 
 

@@ -125,12 +125,24 @@ def figure_text(text: str) -> str:
 def parameter_symbol(name: str) -> str:
     """Return the short name of a parameter for labels and heads of tables: `μ`, or the last part of a dotted path.
 
+    A number at the end of a path goes with the part before it. Of several paths with unlike names the first is named.
+
     Examples
     --------
     >>> parameter_symbol("contacts.outer.normal_stiffness"), parameter_symbol("mu")
     ('normal_stiffness', 'μ')
+    >>> parameter_symbol("materials.lining.youngs_modulus.0"), parameter_symbol("mu, springs.piston.damping")
+    ('youngs_modulus.0', 'μ, …')
     """
-    return "μ" if name in PARAMETER_LABELS else name.rsplit(".", 1)[-1]
+    first, *more = dict.fromkeys(_symbol(path) for path in name.split(", "))
+    return first + (", …" if more else "")
+
+
+def _symbol(path: str) -> str:
+    if path in PARAMETER_LABELS:
+        return "μ"
+    parts = path.split(".")
+    return ".".join(parts[-2:] if parts[-1].isdigit() else parts[-1:])
 
 
 def value_text(value: float) -> str:

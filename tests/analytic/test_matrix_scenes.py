@@ -204,3 +204,15 @@ def test_gyroscopic_stabilisation(tmp_path):
         assert_near(point, np.concatenate([np.sqrt(squares), -np.sqrt(squares)]), 1e-13)
         expected = {"marginal"} if point.value > exact else {"stable", "unstable"}
         assert set(point.modes.stability) == expected
+
+
+def test_without_a_sweep_the_tables_name_a_parameter_of_the_scene(tmp_path):
+    """One unit mass with θ = 4 + ω² at ω = 1.5: λ = 2.5 i. Where there is friction, its coefficient is named."""
+    terms = [("mass", np.eye(1)), ("stiffness", 4 * np.eye(1)), ("stiffness", np.eye(1), "powers = { omega = 2 }")]
+    for more, named in (([], ("omega", 1.5)), ([("stiffness", np.eye(1), "powers = { mu = 1 }")], ("mu", 0.0))):
+        path = write_scene(tmp_path, terms + more, {"omega": 1.5, **({"mu": 0.0} if more else {})})
+        assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
+        with (tmp_path / "out" / "modes.csv").open(newline="") as file:
+            (row,) = csv.DictReader(file)
+        assert (row["parameter"], float(row["value"])) == named
+        assert float(row["im"]) == pytest.approx(2.5, rel=1e-12)

@@ -237,6 +237,19 @@ def test_other_parameters_go_by_their_path_and_wide_ranges_are_logarithmic(tmp_p
     assert parameter_symbol("effects.friction.mu") == "μ"
 
 
+@pytest.mark.parametrize(
+    ("parameter", "symbol"),
+    [
+        ("materials.lining.youngs_modulus.0", "youngs_modulus.0"),
+        ("springs.left.damping, springs.right.damping", "damping"),
+        ("mu, springs.right.damping", "μ, …"),
+        ("omega", "omega"),
+    ],
+)
+def test_short_names_of_parameters_say_what_they_are(parameter, symbol):
+    assert parameter_symbol(parameter) == symbol
+
+
 @pytest.mark.slow
 def test_empty_tables_are_drawn(tmp_path):
     modes, _ = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
