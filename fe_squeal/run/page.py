@@ -67,23 +67,30 @@ def write_run_report(folder: Path, path: Path) -> tuple[str, ...]:
 def write_report(folder: Path, path: Path) -> tuple[str, ...]:
     """Write the page of a folder with results of any command; return sentences on what it could not show.
 
+    Of several commands in one folder, the page is that of the one whose record was written last, as report.html is.
+
     Raises
     ------
     OutputError
         The folder has no results.
     """
-    if (folder / RECORD).exists() or (folder / MODES_TABLE).exists():
-        return write_run_report(folder, path)
-    if (folder / STUDY_RECORD).exists():
-        return write_study_report(folder, path)
-    if (folder / ACCURACY_TABLE).exists():
-        return write_accuracy_report(folder, path)
-    if (folder / DIFFERENCE_TABLE).exists():
-        return write_difference_report(folder, path)
-    raise OutputError(
-        f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, with {ACCURACY_TABLE},"
-        f" or with {DIFFERENCE_TABLE}"
-    )
+    run = RECORD if (folder / RECORD).exists() else MODES_TABLE
+    writers = {
+        run: write_run_report, STUDY_RECORD: write_study_report, ACCURACY_TABLE: write_accuracy_report,
+        DIFFERENCE_TABLE: write_difference_report,
+    }  # fmt: skip
+    found = [name for name in writers if (folder / name).exists()]
+    if not found:
+        raise OutputError(
+            f"{folder}: holds no results to show; expected a folder with {RECORD} and {MODES_TABLE}, with"
+            f" {STUDY_RECORD}, with {ACCURACY_TABLE}, or with {DIFFERENCE_TABLE}"
+        )
+    last = max(found, key=lambda name: (folder / name).stat().st_mtime_ns)
+    lacks = writers[last](folder, path)
+    if len(found) == 1:
+        return lacks
+    others = ", ".join(name for name in found if name != last)
+    return (*lacks, f"{folder} has results of several commands; the page is of {last}, the last one, not of {others}")
 
 
 def write_study_report(folder: Path, path: Path) -> tuple[str, ...]:

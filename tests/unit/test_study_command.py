@@ -19,6 +19,7 @@ import scipy.io
 import scipy.sparse as sp
 
 import fe_squeal
+import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError, SceneError
 from fe_squeal.run.parts import StageParts
@@ -333,6 +334,23 @@ def test_the_page_of_a_run_stays_until_a_study_has_its_own(scene, tmp_path, monk
         assert main(["study", str(path), "-o", str(out)]) == 130
         assert (out / "report.html").read_bytes() == page
     assert len(solved) == 3 and (out / "parts").exists()
+
+
+@pytest.mark.parametrize("last", ["run", "study"])
+def test_the_page_is_that_of_the_command_which_wrote_last(scene, tmp_path, capsys, monkeypatch, last):
+    """And `report` makes it anew; it had been that of the run in either order."""
+    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+    path, out = scene(MAP), tmp_path / "out"
+    path.write_text(path.read_text().replace("report = false", "report = true"))
+    for command in sorted(("run", "study"), key=lambda command: command == last):
+        assert main([command, str(path), "-o", str(out)]) == 0
+    whole = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    capsys.readouterr()
+    assert main(["report", str(out)]) == 0
+    assert (out / "report.html").read_bytes() == whole
+    names = ("run.json", "study.json") if last == "run" else ("study.json", "run.json")
+    assert f"the page is of {names[0]}, the last one, not of {names[1]}" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.slow
