@@ -12,8 +12,10 @@ from fe_squeal.report.branches import parameter_symbol, value_text
 from fe_squeal.report.looks import body_text, diameters_text, in_plane_text, way_text
 
 
-def shape_name(info: Mapping[str, Any]) -> str:
+def shape_name(info: Mapping[str, Any], exact: bool = False) -> str:
     """Return a file name without suffix, made so that names sort by branch and then by the value of the sweep.
+
+    Values that agree in six digits have names of their own where they are `exact`, with all digits.
 
     Examples
     --------
@@ -27,7 +29,8 @@ def shape_name(info: Mapping[str, Any]) -> str:
     parts = [f"branch_{int(info['branch']):02d}" if known else f"mode_{int(info.get('mode', 0)):02d}"]
     if "value" in info:
         short = str(info.get("parameter", "value")).rsplit(".", 1)[-1]
-        parts += [re.sub(r"[^A-Za-z0-9_-]+", "-", short), value_text(float(info["value"]))]
+        value = float(info["value"])
+        parts += [re.sub(r"[^A-Za-z0-9_-]+", "-", short), repr(value) if exact else value_text(value)]
     if "frequency_hz" in info:
         frequency = float(info["frequency_hz"])
         parts.append(f"{frequency:.0f}Hz" if frequency >= 100 else f"{frequency:.3g}Hz")

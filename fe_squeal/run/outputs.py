@@ -173,7 +173,12 @@ def _shapes(result: Sweep, chosen: Sequence[tuple[SweepPoint, int]]) -> list[tup
             print(f"shapes at {at}: backward error {errors.max():.1e}, above the tolerance", file=sys.stderr)
         for i, u, error in zip(positions, shapes.T, errors, strict=True):
             found[id(point), i] = u, {**mode_info(result, point, i), "backward_error": float(error)}
-    return [(shape_name(info), u, info) for u, info in (found[id(p), i] for p, i in chosen)]
+    described = [found[id(p), i] for p, i in chosen]
+    names = [shape_name(info) for _, info in described]
+    return [
+        (name if names.count(name) == 1 else shape_name(info, exact=True), u, info)
+        for name, (u, info) in zip(names, described, strict=True)
+    ]
 
 
 def _write_array(name: str, u: np.ndarray, info: dict[str, Any], folder: Path) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from matrix_scenes import SUFFIXES, assert_near, run, sweep_text, upper, write_s
 from selection import some
 
 from fe_squeal.cli import main
+from fe_squeal.run.folder import _SHAPE_FILE
 from lumped import Minimal, NineDof, TwoMass
 
 GYROSCOPE = np.array([[0.0, 2.0], [-2.0, 0.0]])
@@ -216,3 +218,16 @@ def test_without_a_sweep_the_tables_name_a_parameter_of_the_scene(tmp_path):
             (row,) = csv.DictReader(file)
         assert (row["parameter"], float(row["value"])) == named
         assert float(row["im"]) == pytest.approx(2.5, rel=1e-12)
+
+
+def test_shapes_at_values_that_agree_in_six_digits_have_files_of_their_own(tmp_path):
+    """θ = 4.5 ± i √(1/p² − 1/4): the unstable mode grows fastest at the first value, and is written at the last too."""
+    terms = [("mass", np.eye(2)), ("stiffness", np.diag([4.0, 5.0])),
+             ("stiffness", np.array([[0.0, 1.0], [-1.0, 0.0]]), "powers = { p = -1 }")]  # fmt: skip
+    tail = '[sweep]\nparameter = "p"\nvalues = [0.3761230, 0.3761231, 0.3761232]\n[output]\nshapes = "all"\n'
+    scene = write_scene(tmp_path, terms, {"p": 0.3}, tail)
+    assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 0
+    shapes = sorted((tmp_path / "out" / "shapes").glob("*.npz"))
+    assert all(re.fullmatch(_SHAPE_FILE, f"shapes/{path.name}") for path in shapes)
+    found = {(float(shape["value"]), float(shape["re"]) > 0) for shape in map(np.load, shapes)}
+    assert found == {(0.3761230, True), (0.3761232, True), (0.3761232, False)} and len(shapes) == 3
