@@ -36,10 +36,10 @@ def diameters_text(row: Mapping[Any, Any]) -> str:
     count, circles = entry(row, "nodal_diameters"), entry(row, "nodal_circles")
     if count is None:
         return ""
-    share, other = entry(row, "nodal_diameters_share"), entry(row, "other_nodal_diameters")
+    share, other, rest = (entry(row, n) for n in ("nodal_diameters_share", "other_nodal_diameters", "other_share"))
     text = _counted(int(count), "nodal diameter")
-    if share is not None and share < PURE and other is not None:
-        text = f"{int(count)} ({100 * share:.0f} %) and {int(other)} ({100 * row['other_share']:.0f} %) nodal diameters"
+    if share is not None and share < PURE and other is not None and rest is not None:
+        text = f"{int(count)} ({100 * share:.0f} %) and {int(other)} ({100 * rest:.0f} %) nodal diameters"
     return f"{text}, {_counted(int(circles), 'nodal circle')}" if circles else text
 
 

@@ -59,6 +59,21 @@ class RunRecord(BaseModel):
     peak_memory_mib: _Number = None
 
 
+class UnstableMode(BaseModel):
+    """Keys of an unstable mode of run.json: its branch, the value of the sweep, and what its shape looks like."""
+
+    branch: _Finite = 0.0
+    value: _Finite = 0.0
+    nodal_diameters: _Number = None
+    nodal_circles: _Number = None
+    nodal_diameters_share: _Number = None
+    other_nodal_diameters: _Number = None
+    other_share: _Number = None
+    travelling: _Number = None
+    body: str | None = None
+    body_share: _Number = None
+
+
 class StudyRecord(BaseModel):
     """Keys of study.json, of a scatter or a map."""
 

@@ -120,7 +120,7 @@ def read_results(
     mac, mesh_error, picture : str
         Names of files that may be absent: the MAC with measured shapes, the error of the mesh, and its picture.
     """
-    record, lacks = _read_record(folder / record_name)
+    record, lacks = read_record(folder / record_name)
     frames = {}
     for key, name in tables.items():
         frames[key], why = _read_table(folder / name, _COLUMNS[key])
@@ -152,7 +152,8 @@ def read_results(
     )  # fmt: skip
 
 
-def _read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
+def read_record(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return what run.json holds that can be shown, and sentences on what cannot."""
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(record, dict):

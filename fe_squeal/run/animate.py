@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 
 from ..errors import OutputError
-from .checkpoint import read_json
 from .folder import RECORD, SHAPES, hold_folder
+from .page import tell
 from .view import Z_AXIS
 
 
@@ -23,15 +23,18 @@ def animate_folder(folder: Path, branch: int | None, file: Path | None, console:
         cannot draw.
     """
     from ..report.animation import FORMATS
+    from ..report.results import read_record
 
     if file is not None and file.suffix.lower() not in FORMATS:
         known = " or ".join(FORMATS)
         raise OutputError(f"{file}: given the format {file.suffix or '(none)'}; expected a name that ends in {known}")
-    shapes = _shapes(folder, branch)
+    record, lacks = read_record(folder / RECORD)
+    shapes = _shapes(folder, branch, _looks(record))
+    tell(lacks, console)
     if file is not None and len(shapes) > 1:
         known = ", ".join(f"{info['branch']:.0f}" for _, info in shapes if "branch" in info)
         raise OutputError(f"{file}: given one file for {len(shapes)} shapes; expected --branch with one of {known}")
-    axis = ((read_json(folder / RECORD) or {}).get("axis") or {}).get("direction") or Z_AXIS
+    axis = (record.get("axis") or {}).get("direction") or Z_AXIS
     if file is not None:
         if file.exists():
             raise OutputError(f"{file}: exists already; it is not replaced: remove it, or give another file by -o")
@@ -51,7 +54,7 @@ def _write(shape: tuple[Path, dict[str, Any]], path: Path, axis: Any, console: C
     console.print(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)", markup=False)
 
 
-def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]]]:
+def _shapes(folder: Path, branch: int | None, looks: dict[Any, dict[str, Any]]) -> list[tuple[Path, dict[str, Any]]]:
     """Return the shape files of a folder, all or those of one branch, each with what is known of its mode."""
     from ..report.results import read_shape
 
@@ -62,7 +65,7 @@ def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]
         arrays = any((folder / SHAPES).glob("*.npz"))
         why = "of a scene of matrices, which has no mesh" if arrays else 'see [output] shapes = "unstable" or "all"'
         raise OutputError(f"{folder / SHAPES}: holds no shapes that can be drawn ({why})")
-    found, looks = [], _looks(folder)
+    found = []
     for file in files:
         try:
             info = read_shape(file)[1].info
@@ -76,13 +79,14 @@ def _shapes(folder: Path, branch: int | None) -> list[tuple[Path, dict[str, Any]
     return chosen
 
 
-def _looks(folder: Path) -> dict[Any, dict[str, Any]]:
-    """Return the descriptors of the unstable modes by branch and value."""
-    record = read_json(folder / RECORD) or {}
-    names = ("nodal_diameters", "nodal_circles", "nodal_diameters_share", "other_nodal_diameters", "other_share",
-             "travelling", "body", "body_share")  # fmt: skip
+def _looks(record: dict[str, Any]) -> dict[Any, dict[str, Any]]:
+    """Return the descriptors of the unstable modes by branch and value, without what is damaged."""
+    from ..report.record import UnstableMode, readable
+
+    names = UnstableMode.model_fields.keys() - {"branch", "value"}
+    rows = [readable(row, UnstableMode)[0] for row in record.get("unstable") or []]
     return {
         (float(row["branch"]), row["value"]): {k: row[k] for k in names if k in row}
-        for row in record.get("unstable") or []
+        for row in rows
         if "branch" in row and "value" in row
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -96,6 +98,38 @@ def test_what_is_refused(out: Path, capsys: pytest.CaptureFixture[str], options:
     assert main(["animate", str(out), *options]) == 2
     found = capsys.readouterr().err
     assert said in found and found.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "damaged"),
+    [
+        (None, []), (None, "text"), ("unstable", [1]), ("unstable", {}), ("axis", [0, 0, 1]), ("branch", None),
+        ("value", [0.6]), ("nodal_diameters", "many"), ("other_share", None), ("body_share", "half"),
+    ],
+)  # fmt: skip
+def test_a_damaged_record_costs_its_words_alone(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str | None, damaged: object
+) -> None:
+    """The films are drawn all the same, under what is still known of the modes."""
+    titles = []
+
+    def written(shape: Path, path: Path, title: str, axis: object) -> None:
+        titles.append(title)
+        path.write_bytes(b"film")
+
+    monkeypatch.setattr(animation, "write_film", written)
+    folder = Path(shutil.copytree(out, tmp_path / "out"))
+    record = json.loads((folder / "run.json").read_text("utf-8"))
+    assert record["unstable"][0]["body"] == "block"
+    if key in ("unstable", "axis"):
+        record[key] = damaged
+    elif key is not None:  # of the mode, which the block has no nodal diameters for
+        mixed = {"nodal_diameters": 3, "nodal_diameters_share": 0.6, "other_nodal_diameters": 5, "other_share": 0.3}
+        record["unstable"][0] |= {**mixed, key: damaged}
+    (folder / "run.json").write_text(json.dumps(damaged if key is None else record))
+    assert main(["animate", str(folder)]) == 0
+    assert len(titles) == 1 and titles[0].startswith("branch 1:  7")
+    assert ("block 100 %" in titles[0]) == (key in ("axis", "nodal_diameters", "other_share"))
 
 
 def test_a_folder_without_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
