@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import MeshError, OutputError, SceneError
+from ..errors import MeshError, SceneError
 from .shared import SceneFile, load_scene_or_deck, make_console
 
 
@@ -17,16 +17,13 @@ def new(
 ) -> int:
     """Write a scene from a deck (all of it that a scene can say) or a mesh (its groups, with questions)."""
     from ..decks.scene import draft_of
+    from ..report.files import write_new
 
     target = out or Path(f"{file.stem}.toml")
     if target.exists():
         raise SceneError(f"{target}: exists already; expected a new name, with -o SCENE.toml")
     draft = draft_of(file, target)
-    try:
-        with target.open("x", encoding="utf-8") as written:
-            written.write(draft.text())
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from error
+    write_new(draft.text(), target)
     console = make_console()
     for text in draft.told:
         console.print(text, markup=False)

@@ -100,6 +100,32 @@ def replace_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
                 temporary.unlink(missing_ok=True)
 
 
+def write_new(text: str, path: Path) -> None:
+    """Write a text file in UTF-8 where there is none yet, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        There is a file, it cannot be written, or the text has what UTF-8 has no characters for.
+    """
+    temporary = temporary_path(path)
+    try:
+        temporary.write_bytes(text.encode())
+        try:
+            os.link(temporary, path)  # which replaces nothing, unlike a renaming
+        except OSError:
+            if os.path.lexists(path):
+                raise
+            os.replace(temporary, path)  # on file systems without links
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    except UnicodeEncodeError as error:
+        raise OutputError(f"{path}: cannot be written ({error}): a name is not in UTF-8") from error
+    finally:
+        with suppress(OSError):  # it may not have been made
+            temporary.unlink(missing_ok=True)
+
+
 def write_csv(frame: pd.DataFrame, path: str | os.PathLike[str]) -> Path:
     """Write a table as UTF-8 CSV without an index; floats keep every digit, missing values are empty.
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import sys
 import tomllib
 from pathlib import Path
 
@@ -22,6 +25,43 @@ def test_new_keeps_what_is_there(tmp_path, capsys):
     assert main(["new", str(path), "-o", str(tmp_path / "s.toml")]) == 2
     assert "exists already" in capsys.readouterr().err
     assert (tmp_path / "s.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_new_writes_all_or_nothing(tmp_path, capsys, monkeypatch, links):
+    """A full disc, and a file that somebody makes in the meantime, also where the file system knows no links."""
+    path, target, write = written(tmp_path, deck()), tmp_path / "s.toml", Path.write_bytes
+
+    def full(self, data):
+        write(self, data[:100])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def not_alone(self, data):
+        target.write_text("mine")
+        return write(self, data)
+
+    if not links:
+        monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError(errno.EPERM, "no links here")))
+    for writing, said in ((full, os.strerror(errno.ENOSPC)), (not_alone, "cannot be written")):
+        before = sorted(tmp_path.iterdir())
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "write_bytes", writing)
+            assert main(["new", str(path), "-o", str(target)]) == 2
+        assert f"error: {target}: cannot be written" in (told := capsys.readouterr().err) and said in told
+        assert sorted(p for p in tmp_path.iterdir() if p != target) == before
+    assert target.read_text() == "mine"
+    target.unlink()
+    assert main(["new", str(path), "-o", str(target)]) == 0
+    assert tomllib.loads(target.read_text("utf-8"))["mesh"]["file"] == path.name
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes there alone")
+def test_a_mesh_whose_name_no_scene_can_hold(tmp_path, capsys):
+    path = written(tmp_path, deck())
+    mesh = path.rename(tmp_path / os.fsdecode(b"caf\xe9.inp"))
+    assert main(["new", str(mesh), "-o", str(tmp_path / "s.toml")]) == 2
+    assert "a name is not in UTF-8" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [mesh]
 
 
 def test_template_of_a_mesh(tmp_path, capsys):
