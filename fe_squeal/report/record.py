@@ -83,6 +83,7 @@ class StudyRecord(BaseModel):
     driver: str | None = None
     probability: _Number = None
     samples: Annotated[int, Field(ge=1, strict=True)] | None = None
+    samples_without_modes: Annotated[int, Field(ge=0, strict=True)] = 0
     probability_interval: tuple[_Finite, _Finite] | None = None
     known_hz: _Number = None
     dangerous: list[str] | None = None

@@ -42,6 +42,12 @@ def driving(indices: pd.DataFrame, output: str) -> str | None:
     return str(rows.sort_values(known[0], ascending=False)["parameter"].iloc[0]) if known else None
 
 
+def without_modes_text(empty: int, count: int) -> str:
+    """Return a sentence on samples without modes, which have no growth rate."""
+    have = "has" if empty == 1 else "have"
+    return f"{empty} of {count} samples {have} no mode in the range; indices and quantiles of growth are of the others"
+
+
 def _figure(width: float, height: float, title: str) -> Figure:
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)

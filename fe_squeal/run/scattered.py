@@ -11,7 +11,7 @@ from rich.console import Console
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..report.files import replace_atomically, write_csv
-from ..report.study import driving, plot_indices, plot_probability, plot_scatter
+from ..report.study import driving, plot_indices, plot_probability, plot_scatter, without_modes_text
 from ..scene import MatrixScene, Scene, with_numbers
 from ..scene.numbers import GEOMETRY
 from ..scene.study import StudySection
@@ -67,6 +67,9 @@ def scattered(
     if driver is not None and 0 < result.probability < 1:
         console.print(f"driven most by {driver}", markup=False)
     console.print(result.solver.why, markup=False)
+    empty = int(samples["worst_re"].isna().sum())
+    if empty:
+        console.print(without_modes_text(empty, len(samples)), markup=False)
     worst = [samples[name].quantile([0.05, 0.5, 0.95]).tolist() for name in ("worst_re", "worst_damping_ratio")]
     return {
         "samples": len(samples), "parameters": list(result.names), "method": result.solver.why,
@@ -75,6 +78,7 @@ def scattered(
         "probability": result.probability, "probability_interval": list(found[1:]),
         "known_hz": result.known_hz if np.isfinite(result.known_hz) else None,
         "known_probability": known, "known_probability_interval": [lower, upper], "driver": driver,
+        "samples_without_modes": empty,
         "worst_re_quantiles": worst[0], "worst_damping_ratio_quantiles": worst[1], "dangerous": dangerous,
     }  # fmt: skip
 

@@ -36,7 +36,7 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     Parameters
     ----------
     x, y : (m,) float
-        Samples of X, and Y at each.
+        Samples of X, and Y at each; samples where Y is not finite, as the growth rate of no mode, do not count.
 
     Returns
     -------
@@ -50,6 +50,8 @@ def first_order(x: np.ndarray, y: np.ndarray) -> Interval:
     >>> abs(index - 0.8) < error < 0.05
     True
     """
+    known = np.isfinite(y)
+    x, y = x[known], y[known]
     m = len(y)
     if not _is_carried(y):
         return np.nan, np.nan
@@ -72,7 +74,7 @@ def _is_carried(y: np.ndarray) -> bool:
 
     It is m for samples that deviate by as much each, and about n where n of many have another Y than the rest.
     """
-    square = (y - y.mean()) ** 2
+    square = (y - y.mean()) ** 2 if len(y) else y
     return bool(square.any() and square.sum() ** 2 >= _CARRIED * (square**2).sum())
 
 
@@ -102,7 +104,7 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
     ----------
     y, changed : (m,) float
         Y at samples, and Y at the same samples with X drawn anew while the other numbers stay (M. J. W. Jansen, Comput.
-        Phys. Commun. 117, 1999).
+        Phys. Commun. 117, 1999). Samples where one of them is not finite do not count.
 
     Returns
     -------
@@ -117,6 +119,8 @@ def total_order(y: np.ndarray, changed: np.ndarray) -> Interval:
     >>> abs(index - 0.8) < error < 0.06
     True
     """
+    known = np.isfinite(y) & np.isfinite(changed)
+    y, changed = y[known], changed[known]
     if not _is_carried(np.concatenate([y, changed])):
         return np.nan, np.nan
     if np.array_equal(y, changed):  # so would all resampled ones be

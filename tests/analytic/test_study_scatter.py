@@ -226,6 +226,28 @@ def test_a_total_index_of_a_few_samples_is_not_known():
     assert np.isfinite(total_order((x > 0.8).astype(float), (new > 0.8).astype(float))).all()
 
 
+def test_samples_without_modes_leave_the_indices_of_the_others():
+    """Y = 2 X1 + X2 has the index 0.8 of X1, whichever samples have no Y."""
+    rng = np.random.default_rng(4)
+    x, new, missing = rng.random((2000, 2)), rng.random(2000), rng.random((2, 2000)) < 0.1
+    y = np.where(missing[0], np.nan, 2 * x[:, 0] + x[:, 1])
+    changed = np.where(missing[1], np.nan, 2 * new + x[:, 1])
+    for index, error in (first_order(x[:, 0], y), total_order(y, changed)):
+        assert abs(index - 0.8) < error < 0.1
+    assert np.isnan([first_order(x[:, 0], np.full(2000, np.nan)), total_order(np.full(2000, np.nan), changed)]).all()
+
+
+def test_growth_in_a_range_that_some_samples_have_no_mode_in():
+    """The lower one of the two modes has Im λ = Re √θ with θ = k (1 + δ/2 − √(δ²/4 − μ²))."""
+    found = scatter(two_modes(), UNIFORM, samples=256, max_frequency=1640.0)
+    mu, delta = found.points.T
+    theta = STIFFNESS * (1 + delta / 2 - np.sqrt(delta**2 / 4 - mu**2 + 0j))
+    empty = np.isnan(found.rows[:, 1])
+    assert (empty == (np.sqrt(theta).real > 2 * np.pi * 1640.0)).all() and 0 < empty.sum() < 128
+    indices = found.indices.set_index(["output", "parameter"])
+    assert np.isfinite(indices.loc["worst_re"].to_numpy(float)).all()
+
+
 def test_a_number_that_changes_no_sample_may_change_others():
     """With 0 of 64 changed, 4.6 % may be: 0.95 is the probability of seeing some then."""
     y = (np.arange(64) % 2).astype(float)

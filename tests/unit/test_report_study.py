@@ -161,12 +161,13 @@ def test_the_page_says_why_an_index_is_missing(tmp_path, total):
     rows = {"output": "unstable", "parameter": ["mu", "k"], "first": [0.3, 0.2], "first_error": 0.05}
     write_csv(pd.DataFrame({**rows, "total": total, "total_error": 0.05}), tmp_path / "indices.csv")
     write_csv(BANDS, tmp_path / "bands.csv")
-    write_json({"status": "complete"}, tmp_path / "study.json")
+    write_json({"status": "complete", "samples": 64, "samples_without_modes": 1}, tmp_path / "study.json")
     tables = {name: tmp_path / f"{name}.csv" for name in ("bands", "indices")}
     figures = dict.fromkeys(("probability", "scatter", "indices"), tmp_path / "none.png")
     write_study_page(tmp_path / "study.json", tables, figures, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert ("fewer than some twenty samples make all of the variance" in page) == bool(np.isnan(total))
+    assert "1 of 64 samples has no mode in the range" in page
 
 
 def test_the_picture_has_outputs_of_which_total_indices_alone_are_known(tmp_path, drawn):

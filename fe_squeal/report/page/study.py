@@ -13,6 +13,7 @@ from fe_squeal.errors import OutputError
 from fe_squeal.report.page.build import Section, write_page
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.record import StudyRecord, left_out, readable
+from fe_squeal.report.study import without_modes_text
 from fe_squeal.report.table_files import read_checked
 
 _MOST = 200  # rows of a table, at most
@@ -166,6 +167,8 @@ def _rests(said: dict[str, Any]) -> str:
             f"Tolerance of every eigenvalue {said.get('tolerance')};"
             f" largest estimated error {said.get('largest_error')}.",
         ]
+    if said.get("samples_without_modes"):
+        facts.append(f"{without_modes_text(said['samples_without_modes'], said.get('samples') or 0)}.")
     if said.get("solved_directly") is not None:
         facts.append(f"{said['solved_directly']} of {said.get('samples')} samples were solved directly.")
     return paragraph(*facts)
