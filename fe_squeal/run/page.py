@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,7 @@ from .folder import (
     STUDY_RECORD,
     hold_folder,
 )
+from .manifest import Manifest
 
 if TYPE_CHECKING:
     from ..report.results import Results
@@ -124,6 +126,8 @@ def write_difference_report(folder: Path, path: Path) -> tuple[str, ...]:
 def report_folder(folder: Path, file: Path | None, console: Console) -> int:
     """Write the page of a folder of results, into the folder or to `file`, and print what it could not show; return 0.
 
+    Where `file` is the page of a folder of results, that folder's manifest lists what is written.
+
     Raises
     ------
     OutputError
@@ -131,15 +135,17 @@ def report_folder(folder: Path, file: Path | None, console: Console) -> int:
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: is no folder; expected one that fe-squeal run has written")
-    if file is not None:
-        refuse_foreign(file)
-        lacks = write_report(folder, file)
-    else:
+    if file is None:
         file = folder / REPORT
         if not any(folder.iterdir()):
             raise OutputError(f"{folder}: is empty; expected a folder with the results of fe-squeal run")
-        with hold_folder(folder):
-            lacks = write_report(folder, file)
+        holding: AbstractContextManager[object] = hold_folder(folder)
+    else:
+        refuse_foreign(file)
+        listed = file.name == REPORT and Manifest.marks(file.parent)
+        holding = hold_folder(file.parent) if listed else nullcontext()
+    with holding:
+        lacks = write_report(folder, file)
     tell(lacks, console)
     console.print(f"wrote {file} ({file.stat().st_size / 1e6:.1f} MB)", markup=False)
     return 0

@@ -131,7 +131,7 @@ class MatrixScene(BaseScene):
     def _check_study(self, study: StudySection) -> None:
         for name, ends in zip(study.names, study.ends, strict=True):
             least = np.finfo(float).tiny if name in study.positive else -np.inf
-            low, high = (open_end if end is None else end for open_end, end in zip((least, np.inf), ends, strict=True))
+            low, high = max(least, -np.inf if ends[0] is None else ends[0]), np.inf if ends[1] is None else ends[1]
             for path in paths_of(name):
                 if path not in self.parameters:
                     raise ValueError(f'study: given "{path}", which is no parameter{suggest(path, self.parameters)}')

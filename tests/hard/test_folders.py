@@ -162,6 +162,20 @@ def test_file_that_was_changed_or_is_foreign_is_not_replaced(
     assert main(["run", str(place / "block.toml"), "-o", str(out)]) == 0
 
 
+def test_page_that_is_written_by_its_name_is_listed(place: Path) -> None:
+    """`report OUT -o OUT/report.html`, also into another folder of results, leaves folders that commands go on with."""
+    out, other = place / "out", place / "other"
+    shutil.copytree(out, other)
+    text = (place / "block.toml").read_text().replace("block on a belt", "another title")
+    assert main(["run", str(write_scene(place, text)), "-o", str(other)]) == 0
+    for file in (out / "report.html", other / "report.html", place / "report.html"):
+        for folder in (out, other, out):  # of which pages are unlike
+            assert main(["report", str(folder), "-o", str(file)]) == 0
+    for folder in (out, other):
+        assert main(["report", str(folder)]) == 0
+    assert "report.html" in (out / "manifest.sha256").read_text() and not (place / "manifest.sha256").exists()
+
+
 def test_foreign_shape_of_a_name_that_will_be_written(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The names of shapes follow from the sweep; a file that has one is found before the older results are removed."""
     out = place / "out"

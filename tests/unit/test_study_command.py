@@ -472,6 +472,16 @@ def test_many_scenes(scene, tmp_path, workers):
     assert twice["scene"].nunique() == 2 and len(twice) % 2 == 0
 
 
+def test_lognormal_numbers_with_a_negative_power_stay_above_0(scene):
+    """Also with `low = 0`, which none of them is; uniform ones may be."""
+    path = scene('[study]\n[study.parameters]\ndelta = { lognormal = { median = 0.1, factor = 1.5, low = 0.0 } }\n')
+    path.write_text(path.read_text().replace("delta = 1", "delta = -1"))
+    assert load_scene(path).study.parameters["delta"].ends == (0.0, None)
+    path.write_text(path.read_text().replace("lognormal = { median = 0.1, factor = 1.5,", "uniform = { high = 1.0,"))
+    with pytest.raises(SceneError, match="given 0 among the values of delta, of which a term has a negative power"):
+        load_scene(path)
+
+
 def test_without_dask_the_message_says_what_to_install(scene, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert main(["study", str(scene(SCATTER)), "-o", str(tmp_path / "out"), "--workers", "2"]) == 2
