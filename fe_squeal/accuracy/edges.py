@@ -118,7 +118,7 @@ def acting_on_points(assembly: Assembly) -> list[str]:
         if kind == "surface" or not path.startswith(("supports", "springs")):
             continue
         nodes = find_nodes(assembly.loaded, group, path).nodes
-        if not np.isin(faces, nodes).all(axis=0).any() and path not in found:
+        if not _covered(faces, nodes).any() and path not in found:
             found.append(path)
     return found
 
@@ -144,14 +144,27 @@ def surface_edges(loaded: LoadedMesh) -> Edges:
 
 
 def _held_components(assembly: Assembly) -> np.ndarray:
-    """Return for each facet of the mesh the components that are held there, as bits: 1, 2 and 4 for x, y and z."""
-    found = np.zeros(assembly.loaded.mesh.facets.shape[1], int)
-    for facets, fixed in held_places(assembly.scene, assembly.loaded)[0]:
-        found[facets] |= sum(1 << _AXES.index(c) for c in set(fixed))
-    for i, tie in enumerate(assembly.scene.rigid):
+    """Return for each facet of the mesh the components that are held there, as bits: 1, 2 and 4 for x, y and z.
+
+    A set of nodes holds the facets that it covers.
+    """
+    scene, loaded = assembly.scene, assembly.loaded
+    held, points = held_places(scene, loaded)
+    for i, tie in enumerate(scene.rigid):
         if tie.kind == "surface":
-            found[find_facets(assembly.loaded, tie.group, f"rigid[{i}].surface")] |= 7
+            held.append((find_facets(loaded, tie.group, f"rigid[{i}].surface"), _AXES))
+        else:
+            points.append((find_nodes(loaded, tie.group, f"rigid[{i}].nodes").held, _AXES))
+    held += [(_covered(loaded.mesh.facets, nodes), fixed) for nodes, fixed in points]
+    found = np.zeros(loaded.mesh.facets.shape[1], int)
+    for facets, fixed in held:
+        found[facets] |= sum(1 << _AXES.index(c) for c in set(fixed))
     return found
+
+
+def _covered(facets: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Return (f,) bool, which facets, columns of corners, a set of nodes covers: all their corners are in it."""
+    return np.asarray(np.isin(facets, nodes).all(axis=0))
 
 
 def _is_mirror(held: np.ndarray, normals: np.ndarray) -> np.ndarray:

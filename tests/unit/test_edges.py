@@ -89,15 +89,22 @@ def test_a_surface_that_turns_inwards(kind):
     assert found.any() and not found[(x < 0.4) & (y < 0.4)].any()
 
 
+@pytest.mark.parametrize("tables", [
+    {"supports": [{"surface": "held", "fixed": "xyz"}]}, {"supports": [{"nodes": "held", "fixed": "xyz"}]},
+    {"rigid": [{"name": "r", "surface": "held"}]}, {"rigid": [{"name": "r", "nodes": "held"}]},
+])  # fmt: skip
 @pytest.mark.parametrize(("x", "notched"), [(1.0, True), (0.0, False)])
-def test_a_clamp_that_ends_in_a_notch(x, notched):
+def test_a_clamp_that_ends_in_a_notch(x, notched, tables):
     whole = box("hex1", (4, 4, 2), (2.0, 2.0, 1.0))
     centre = whole.p[:, whole.t].mean(axis=1)
     angular = type(whole)(*_kept(whole, ~((centre[0] > 1) & (centre[1] > 1))))
     named = angular.with_subdomains({"block": np.arange(angular.nelements)})
     held = named.with_boundaries({"held": lambda p: np.abs(p[0] - x) < 1e-9})
-    problem = make_problem(held, order=2, supports=[{"surface": "held", "fixed": "xyz"}])
-    assert has_end_in_a_notch(problem.source) == notched
+    nodes = np.unique(held.facets[:, held.boundaries["held"]])
+    loaded = replace(from_skfem(held, "L"), node_groups={"held": NodeSet(nodes, nodes)})
+    body = {"materials": {"steel": STEEL}, "bodies": {"block": {"material": "steel"}}}
+    scene = fe_squeal.parse_scene({"mesh": {"file": "none.msh", "order": 2}, **body, **tables})
+    assert has_end_in_a_notch(fe_squeal.assemble(scene, loaded).source) == notched
 
 
 def _kept(mesh, keep):
