@@ -30,6 +30,7 @@ from ..mesh.node_sets import find_nodes
 
 _INWARDS = 20.0  # degrees: an angle between facets that is larger than 180° by more than this turns inwards
 _RIGHT = 100.0  # degrees: up to this angle a mirrored body has no edge that turns inwards
+_CLOSED = 179.0  # degrees: facets that turn by more lie on each other, as at a crack; a wedge is not so thin
 _ALONG = 0.99  # cosine: a normal counts as one of the axes
 _AXES = "xyz"
 
@@ -138,7 +139,7 @@ def surface_edges(loaded: LoadedMesh) -> Edges:
     pair = np.stack([order[start], order[start + count - 1]], axis=1)  # rows of the two facets, where there are two
     n = outward[pair]
     turn = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", n[:, 0], n[:, 1]), -1.0, 1.0)))
-    inwards = np.einsum("ei,ei->e", n[:, 0], inside[pair[:, 1]]) > 0
+    inwards = (np.einsum("ei,ei->e", n[:, 0], inside[pair[:, 1]]) > 0) | (turn > _CLOSED)
     angle = np.where(count == 2, 180.0 + np.where(inwards, turn, -turn), np.nan)
     return Edges(key, cells[own[pair]], facets[own[pair]], angle, n)
 

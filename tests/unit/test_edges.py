@@ -89,6 +89,25 @@ def test_a_surface_that_turns_inwards(kind):
     assert found.any() and not found[(x < 0.4) & (y < 0.4)].any()
 
 
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+@pytest.mark.parametrize("turned", [0.0, 0.3, 0.7])
+def test_the_front_of_a_crack_of_zero_width(kind, turned):
+    """Its faces lie on each other, and rounding alone tells 360 degrees from none."""
+    whole = box(kind, (4, 3, 4), (4.0, 3.0, 4.0))
+    x, z = whole.p[0], whole.p[2]
+    cut = np.flatnonzero((x > 2 + 1e-9) & (np.abs(z - 2) < 1e-9))
+    other = np.arange(len(x))
+    other[cut] = len(x) + np.arange(len(cut))
+    above = z[whole.t].mean(axis=0) > 2
+    rotation = np.array([[np.cos(turned), 0, -np.sin(turned)], [0, 1, 0], [np.sin(turned), 0, np.cos(turned)]])
+    points = np.hstack([whole.p, whole.p[:, cut]])
+    cracked = type(whole)(rotation @ points, np.where(above, other[whole.t], whole.t))
+    _, found = marked(cracked.with_subdomains({"block": np.arange(cracked.nelements)}))
+    front = (np.abs(points[::2] - 2.0).max(axis=0) < 1e-9)[cracked.t].any(axis=0)
+    np.testing.assert_array_equal(found, front)
+    assert front.any() and not front.all()
+
+
 @pytest.mark.parametrize("tables", [
     {"supports": [{"surface": "held", "fixed": "xyz"}]}, {"supports": [{"nodes": "held", "fixed": "xyz"}]},
     {"rigid": [{"name": "r", "surface": "held"}]}, {"rigid": [{"name": "r", "nodes": "held"}]},
