@@ -108,8 +108,8 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     warnings += _hidden(points, onsets, name)
     if isinstance(result.problem.source, Assembly):
         warnings += [
-            f"{path} acts on nodes that cover no face: what it displaces there has no limit as elements become smaller,"
-            " and the error of the mesh none either"
+            f"{path} acts on nodes that cover no face: what its forces displace there has no limit as elements become"
+            " smaller, and the error of the mesh none either"
             for path in acting_on_points(result.problem.source)
         ]
         warnings += straight_edges(result.problem.source)

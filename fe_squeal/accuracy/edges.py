@@ -22,6 +22,7 @@ import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..assembly.places import held_places, holding
+from ..effects.ties import Averaged
 from ..fem.facets import facet_edges
 from ..fem.places import nodes_there
 from ..mesh import LoadedMesh
@@ -104,22 +105,25 @@ def has_end_in_a_notch(assembly: Assembly) -> bool:
 
 
 def acting_on_points(assembly: Assembly) -> list[str]:
-    """Return the paths of supports and springs on sets of nodes that cover no face.
+    """Return the paths of supports, springs and ties on sets of nodes that cover no face.
 
-    What a force on a point or a line displaces there grows without a limit as elements become smaller.
+    What a force on a point or a line displaces there grows without a limit as elements become smaller. A tie of nodes
+    whose reference carries nothing has no forces if it is averaged or has one node.
 
     Parameters
     ----------
     assembly : Assembly
     """
-    mesh = assembly.loaded.mesh
+    mesh, ties = assembly.loaded.mesh, dict(assembly.scene.ties)
     faces = mesh.facets[:, mesh.boundary_facets()]
     found: list[str] = []
     for path, kind, group in holding(assembly.scene):
-        if kind == "surface" or not path.startswith(("supports", "springs")):
+        if kind == "surface" or path in found:
             continue
-        nodes = find_nodes(assembly.loaded, group, path).nodes
-        if not _covered(faces, nodes).any() and path not in found:
+        nodes, tie = find_nodes(assembly.loaded, group, path).nodes, ties.get(path)
+        if tie is not None and not tie.is_loaded and (isinstance(tie, Averaged) or len(nodes) == 1):
+            continue
+        if not _covered(faces, nodes).any():
             found.append(path)
     return found
 

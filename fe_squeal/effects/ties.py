@@ -97,6 +97,11 @@ class Rigid(Placed):
         found = re.findall(r"r?[xyz]", self.fixed)
         return np.array([freedom in found for freedom in FREEDOMS])
 
+    @property
+    def is_loaded(self) -> bool:
+        """Whether something acts on the reference: mass, inertia, a spring or what holds it."""
+        return bool(self.mass or any(self.inertia or ()) or self.springs or self.fixed)
+
 
 class Averaged(Rigid):
     """A reference point that follows the mean motion of a surface or node set (distributing coupling, RBE3).

@@ -78,20 +78,35 @@ def test_growth_that_the_extrapolated_value_alone_has_counts():
     assert (result.points[0].discretisation.real[hidden] > 100).all()
 
 
-def test_a_mesh_held_at_single_nodes_has_no_limit_and_is_told():
+SUPPORT = {"supports": [{"nodes": "held", "fixed": "xyz"}]}
+
+
+def tied(kind, **reference):
+    return {kind: [{"name": "r", "nodes": "held", **reference}]}
+
+
+@pytest.mark.parametrize(("path", "place", "tables"), [
+    ("supports[0]", "corner", SUPPORT), ("supports[0]", "edge", SUPPORT),
+    ("rigid[0]", "corner", tied("rigid", mass=0.1)), ("rigid[0]", "corner", tied("rigid", fixed="xyz")),
+    ("rigid[0]", "edges", tied("rigid")), ("averaged[0]", "edges", tied("averaged", inertia=[1.0] * 3 + [0.0] * 3)),
+    ("", "corner", tied("rigid")), ("", "edges", tied("averaged")),  # these have no forces
+])  # fmt: skip
+def test_forces_on_single_nodes_have_no_limit_and_are_told(path, place, tables):
+    """At a corner or on one or two edges of the face z = 0; on this face they have one."""
     def told(nodes):
         loaded = from_skfem(box("hex2", (2, 1, 1), SIZE))
         held = np.flatnonzero(nodes(loaded.mesh.doflocs))
         loaded = replace(loaded, node_groups={"held": NodeSet(held, held)})
         scene = {"mesh": {"file": "none.msh"}, "materials": {"lining": LINING},
-                 "bodies": {"block": {"material": "lining"}},
-                 "supports": [{"nodes": "held", "fixed": "xyz"}]}  # fmt: skip
+                 "bodies": {"block": {"material": "lining"}}, **tables}  # fmt: skip
         problem = fe_squeal.assemble(fe_squeal.parse_scene(scene), loaded)
         return [w for w in with_discretisation(fe_squeal.sweep(problem, [0.0], modes=2)).warnings if "no limit" in w]
 
     assert told(lambda x: x[2] < 1e-9) == []
-    (sentence,) = told(lambda x: (x[2] < 1e-9) & (x[0] < 1e-9))
-    assert sentence.startswith("supports[0] acts on nodes that cover no face")
+    edge = {"corner": lambda x: x[0] + x[1] < 1e-9, "edge": lambda x: x[0] < 1e-9,
+            "edges": lambda x: np.abs(x[0] - SIZE[0] / 2) > SIZE[0] / 2 - 1e-9}[place]  # fmt: skip
+    found = told(lambda x: (x[2] < 1e-9) & edge(x))
+    assert [sentence.split(":")[0] for sentence in found] == [f"{path} acts on nodes that cover no face"] * bool(path)
 
 
 def onset(value, hz=1000.0, a=1, b=2):
