@@ -171,6 +171,10 @@ class Assembly:
         scene = with_numbers(self.scene, values) if values else self.scene
         return with_motions(self._context(scene), scene.effects.on).motions
 
+    def contacts(self) -> Mapping[str, ContactPart]:
+        """Return the contacts by their names, with all of their surfaces, whatever is open under preload."""
+        return self._context(self.scene).contacts
+
     def solved_with(self, linear_solver: LinearSolver | str) -> Assembly:
         """Return the same assembly, which finds static states with this linear solver; what was made is shared."""
         other = copy(self)

@@ -16,6 +16,7 @@ from meshes import BELT, box, make_problem
 
 CHILDREN = 8
 CLAMPED = {"supports": [{"surface": "left", "fixed": "xyz"}]}
+TIED = {"contacts": [{"surface": "left", "counterface": "rigid", "kind": "tied", "normal_stiffness": 1e16}]}
 
 
 def belt(stiffness):
@@ -50,6 +51,7 @@ def parts_twice(problem, modes):
 
 @pytest.mark.parametrize(("kind", "cells", "tables"), [
     ("hex1", (3, 2, 1), CLAMPED),
+    ("hex1", (3, 2, 1), TIED),
     pytest.param("hex1", (3, 2, 1), belt(1e13), marks=pytest.mark.slow),
     pytest.param("hex1", (4, 3, 2), CLAMPED, marks=pytest.mark.slow),
     pytest.param("hex1", (4, 2, 2), belt(1e11), marks=pytest.mark.slow),
@@ -62,7 +64,7 @@ def test_limits_of_the_factors(kind, cells, tables):
     one, two = parts_twice(make_problem(box(kind, cells, (0.08, 0.05, 0.03)), 2, **tables), 6)
     ratio = two / np.where(one == 0, 1.0, one)
     assert (ratio[0] <= 1 - 1 / regular[2]).all() and np.median(ratio[0]) <= 0.125  # q = 2, 3
-    if tables is CLAMPED:
+    if tables in (CLAMPED, TIED):
         assert (ratio[1] <= 1 - 1 / singular[2]).all() and (ratio[1] >= 1 - 1 / singular[0]).all()  # q = 1, 4
         assert 0.2 < np.median(ratio[1]) < 0.45 and (ratio[1] > 1.5 * ratio[0]).all()  # 0.38 in theory
     else:

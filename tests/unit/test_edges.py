@@ -12,7 +12,7 @@ import fe_squeal
 from fe_squeal.accuracy.edges import has_end_in_a_notch, singular_elements, surface_edges
 from fe_squeal.mesh import from_skfem
 from fe_squeal.mesh.groups import NodeSet
-from meshes import STEEL, annulus, box, make_problem
+from meshes import BELT, STEEL, annulus, box, join, make_problem, mapped
 
 SOFT = {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}
 
@@ -111,6 +111,7 @@ def test_the_front_of_a_crack_of_zero_width(kind, turned):
 @pytest.mark.parametrize("tables", [
     {"supports": [{"surface": "held", "fixed": "xyz"}]}, {"supports": [{"nodes": "held", "fixed": "xyz"}]},
     {"rigid": [{"name": "r", "surface": "held"}]}, {"rigid": [{"name": "r", "nodes": "held"}]},
+    {"contacts": [{"surface": "held", "counterface": "rigid", "kind": "tied", "normal_stiffness": 1e14}]},
 ])  # fmt: skip
 @pytest.mark.parametrize(("x", "notched"), [(1.0, True), (0.0, False)])
 def test_a_clamp_that_ends_in_a_notch(x, notched, tables):
@@ -151,6 +152,41 @@ def test_joined_materials_are_singular_where_they_come_to_the_surface():
         materials = {"steel": STEEL, "soft": SOFT}
         _, found = marked(mesh, materials=materials, bodies=bodies)
         np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(("pad", "plate", "kind", "hardness", "expected"), [
+    ("steel", "steel", "frictionless", 50, ["pad", "plate"]), ("steel", "steel", "tied", 50, ["pad", "plate"]),
+    ("steel", "steel", "frictionless", 1, []), ("steel", "steel", "tied", 1, []),
+    ("soft", "steel", "frictionless", 50, []), ("soft", "steel", "tied", 50, ["pad"]),
+    ("steel", "soft", "frictionless", 50, ["plate"]), ("steel", "soft", "tied", 50, ["plate"]),
+])  # fmt: skip
+def test_edges_of_a_contact_between_bodies(pad, plate, kind, hardness, expected):
+    """The stiffness is a multiple of E/h of the softer body. Beside a stiff one a soft one is held or pressed on."""
+    below = box("hex1", (8, 8, 1), (0.08, 0.08, 0.01), name="plate")
+    mesh = join(below, box("hex1", (4, 4, 1), (0.04, 0.04, 0.01), (0.02, 0.02, 0.01), name="pad"))
+    softer = SOFT if "soft" in (pad, plate) else STEEL
+    contact = {"surface": "bottom_pad", "counterface": "top_plate", "kind": kind}
+    contact["normal_stiffness"] = hardness * softer["youngs_modulus"] / 0.01
+    (x, y, z), found = marked(
+        mesh, materials={"steel": STEEL, "soft": SOFT}, bodies={"pad": {"material": pad}, "plate": {"material": plate}},
+        supports=[{"surface": "bottom_plate", "fixed": "z"}], contacts=[contact],
+    )  # fmt: skip
+    around = abs(np.maximum(abs(x - 0.04), abs(y - 0.04)) - 0.02) < 0.01
+    body = np.where(z > 0.01, "pad", "plate")
+    np.testing.assert_array_equal(found, around & np.isin(body, expected))
+
+
+@pytest.mark.parametrize(("chamfer", "hardness", "singular"), [(0.0, 50, False), (1.0, 50, True), (1.0, 1, False)])
+def test_edges_of_a_contact_with_a_rigid_plane_are_those_of_a_support(chamfer, hardness, singular):
+    """A right angle that slides on a plane is half of a flat surface; one of 135 degrees and its image turn inwards."""
+    whole = box("hex1", (4, 2, 2), (4.0, 2.0, 2.0))
+    block = mapped(whole, lambda x: x - np.outer([chamfer, 0, 0], x[2] * (1 - x[0] / 4)))
+    contact = {"surface": "bottom", "counterface": "rigid", "sliding": BELT}
+    contact["normal_stiffness"] = hardness * STEEL["youngs_modulus"]
+    _, found = marked(block, contacts=[contact])
+    assert found.any() == singular
+    if hardness > 1:
+        np.testing.assert_array_equal(found, marked(block, supports=[{"surface": "bottom", "fixed": "z"}])[1])
 
 
 def test_bodies_that_touch_along_an_edge_alone():
