@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,11 +13,13 @@ from scipy.spatial import cKDTree
 from ..errors import SceneError
 from .cells import geometry_map
 from .closing import default_gap_tolerance
+from .facets import facet_points, scattered_quadrature
 from .meeting import locate_along
 from .motion import SteadyMotion
-from .spaces import ROUNDED, DisplacementSpace
+from .spaces import ROUNDED, DisplacementSpace, Surface
 
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
+_CORNER = 0.99  # of the way from the middle of a facet to a corner: what lies farther out does not count
 # Surfaces no farther apart than this part of a facet's size, or of the coordinates, lie on each other but for rounding.
 _CLOSED, _ROUNDING = 1e-9, 1e-14
 
@@ -75,7 +78,8 @@ def contact_operators(
 
     From each quadrature point of the pad's surface a line along the normal meets the counterface; the displacement
     there comes from the counterface's own shape functions. Points that meet nothing within the tolerance are not in
-    contact; all others count as touching, and what the operators say of them does not depend on the gap.
+    contact; all others count as touching, and what the operators say of them does not depend on the gap. A facet of
+    which a part alone meets the counterface has more points, see `scattered_quadrature`.
 
     That is otherwise in a tied contact, whose springs along the surface would feel a rotation of the whole across a gap
     or overlap s: the counterface's displacement is continued by s ∂u/∂n to the pad's point. Both sides then meet in one
@@ -99,18 +103,26 @@ def contact_operators(
     """
     parts = 1 if counter_facets is None else _parts(space.mesh, pad_facets, counter_facets)
     pad = space.surface(pad_facets, parts)
-    n = -pad.normals if sliding is None else sliding.normals_across(pad.points, -pad.normals)
-    values = pad.values
-    separation = np.zeros(len(n))
-    keep = np.ones(len(n), bool)
+    n = _normals(pad.points, pad.normals, sliding)
+    values, separation, keep = pad.values, np.zeros(len(pad.points)), np.ones(len(pad.points), bool)
     if counter_facets is not None:
         tolerance = gap_tolerance
         if tolerance is None:
             tolerance = default_gap_tolerance(space.mesh, pad, counter_facets)
         touching = max(_CLOSED * np.sqrt(pad.area / len(pad_facets)), _ROUNDING * float(np.abs(pad.points).max()))
         reach = max(tolerance, touching)
-        hit = locate_along(space.mesh, counter_facets, pad.points, n, reach)
-        separation = hit.distance
+        locate = partial(locate_along, space.mesh, counter_facets, farthest=reach)
+        hit, corners = locate(pad.points, n), _corners(space, pad_facets)
+        beyond = locate(corners[0], _normals(*corners, sliding))
+        inside = np.hstack([(np.abs(at.distance) <= reach).reshape(len(pad_facets), -1) for at in (hit, beyond)])
+        cut = np.asarray(inside.any(axis=1) & ~inside.all(axis=1))  # facets of which a part alone meets the counterface
+        if cut.any():
+            rim = space.surface(pad_facets[cut], quadrature=scattered_quadrature(space.mesh.brefdom))
+            across = _normals(rim.points, rim.normals, sliding)
+            whole = np.repeat(~cut, len(n) // len(cut))
+            pad, n = _both(space.surface(pad_facets[~cut], parts), rim), np.concatenate([n[whole], across])
+            hit = hit.joined(whole, locate(rim.points, across))
+        values, separation = pad.values, hit.distance
         keep = np.abs(separation) <= reach
         if not keep.any():
             nearest = np.abs(separation[np.isfinite(separation)])
@@ -147,6 +159,28 @@ def contact_operators(
         coverage=float(weights.sum() / pad.area),
         lifting=0.0 if sliding is None else sliding.across(points, pad.normals[keep], weights),
     )
+
+
+def _normals(points: np.ndarray, outward: np.ndarray, sliding: SteadyMotion | None) -> np.ndarray:
+    """Return the normals (q, 3) out of the counterface at points of the pad, from those out of the pad."""
+    return -outward if sliding is None else sliding.normals_across(points, -outward)
+
+
+def _corners(space: DisplacementSpace, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points next to the corners of facets, (f corners, 3) m, and the outward normals there."""
+    X = np.asarray(space.mesh.brefdom.p, float)
+    X = X.mean(axis=1, keepdims=True) + _CORNER * (X - X.mean(axis=1, keepdims=True))
+    at = facet_points(space.mesh, space.element, facets, (X, np.ones(X.shape[1])))
+    return at.points.reshape(-1, 3), at.normals.reshape(-1, 3)
+
+
+def _both(one: Surface, two: Surface) -> Surface:
+    """Return two surfaces as one."""
+    return Surface(
+        np.concatenate([one.points, two.points]), np.concatenate([one.weights, two.weights]),
+        sp.csr_array(sp.vstack([one.values, two.values])), np.concatenate([one.normals, two.normals]),
+        np.concatenate([one.facets, two.facets]),
+    )  # fmt: skip
 
 
 def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:

@@ -23,6 +23,13 @@ class Hits:
     elements: np.ndarray
     reference: np.ndarray
 
+    def joined(self, own: np.ndarray, other: Hits) -> Hits:
+        """Return those of some of the points, (q,) bool, and behind them those of other points."""
+        return Hits(
+            np.concatenate([self.distance[own], other.distance]), np.concatenate([self.elements[own], other.elements]),
+            np.concatenate([self.reference[:, own], other.reference], axis=1),
+        )  # fmt: skip
+
 
 def locate_along(
     mesh: skfem.Mesh, facets: np.ndarray, points: np.ndarray, normals: np.ndarray, farthest: float = 0.0

@@ -293,7 +293,9 @@ class DisplacementSpace:
         values = sp.csr_array((shapes[some], (rows[some], node[some])), shape=(len(points), self.nodes))
         return Patch(points, np.ones(len(points)), values)
 
-    def surface(self, facets: np.ndarray, parts: int = 1) -> Surface:
+    def surface(
+        self, facets: np.ndarray, parts: int = 1, quadrature: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> Surface:
         """Return quadrature points and interpolation on boundary facets.
 
         Parameters
@@ -302,8 +304,11 @@ class DisplacementSpace:
         parts : int
             Every edge is cut into so many parts, and the parts of a facet are integrated separately, for integrands
             that are only piecewise smooth.
+        quadrature : ((2, q), (q,)) float, optional
+            Points and weights on the reference facet, instead of those of a rule on the parts.
         """
-        quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
+        if quadrature is None:
+            quadrature = subdivided_quadrature(self.mesh.brefdom, self.integration_order, parts)
         at = facet_points(self.mesh, self.element, facets, quadrature)
         shapes = np.swapaxes(at.values, 1, 2)  # (facets, points, local nodes)
         rows = np.broadcast_to(np.arange(at.areas.size).reshape(*at.areas.shape, 1), shapes.shape)

@@ -137,6 +137,34 @@ def test_non_matching_interface_carries_constant_gaps_exactly(case):
     np.testing.assert_allclose(operators.gap @ lift, 1.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_the_area_of_a_pad_that_overhangs_is_exact_whatever_the_mesh(kind, angle):
+    """To 1 % of a facet: a pad of 0.04 x 0.02 m with four facets in a row, over a plate that ends at a line."""
+    plate = box(kind, (3, 2, 1), (0.09, 0.06, 0.01), (-0.09, -0.03, -0.01), name="plate")
+    pad = box(kind, (4, 1, 1), (0.04, 0.02, 0.01), (0.0, -0.01, 0.0), name="pad")
+    turned = mapped(plate, lambda x: np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
+                                               [0, 0, 1]]) @ x)  # fmt: skip
+    for end in (0.0107, 0.0153, 0.0193, 0.0205, 0.026):
+        moved = mapped(turned, lambda x, end=end: x + np.array([[end], [0], [0]]))
+        problem = make_problem(join(pad, moved), contacts=[contact(BELT, "top_plate", "bottom_pad")])
+        (operators,) = problem.discretisation.contacts.values()
+        assert operators.area == pytest.approx(0.02 * end, abs=0.01 * 0.01 * 0.02)
+        assert operators.coverage == pytest.approx(operators.area / (0.04 * 0.02), rel=1e-12)
+        beyond = (operators.points[:, 0] - end) * np.cos(angle) + operators.points[:, 1] * np.sin(angle)
+        assert beyond.max() < 1e-9
+
+
+def test_facets_that_end_with_the_counterface_have_the_points_of_the_rule():
+    """Two facets of 0.01 x 0.02 m on a plate that ends with them; two beside it."""
+    plate = box("hex1", (3, 2, 1), (0.09, 0.06, 0.01), (-0.07, -0.03, -0.01), name="plate")
+    pad = box("hex1", (4, 1, 1), (0.04, 0.02, 0.01), (0.0, -0.01, 0.0), name="pad")
+    problem = make_problem(join(pad, plate), contacts=[contact(BELT, "top_plate", "bottom_pad")])
+    (operators,) = problem.discretisation.contacts.values()
+    assert operators.area == pytest.approx(0.02 * 0.02, rel=1e-12)
+    assert len(operators.weights) == 2 * 2**2 * 3**2  # four parts of Gauss's rule
+
+
 def test_rank_of_friction():
     """At most one per contact point: 9 in the quadrature of each facet, and no more than the face has nodes."""
     problem = block_problem("hex1", (2, 1, 1))

@@ -8,9 +8,10 @@ import skfem
 from selection import some
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.refdom import RefQuad, RefTri
 
 from fe_squeal.fem.element_matrices import assemble_elasticity
-from fe_squeal.fem.facets import subdivided_quadrature
+from fe_squeal.fem.facets import scattered_quadrature, subdivided_quadrature
 from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
 from fe_squeal.fem.spaces import make_space
 from meshes import KINDS, STEEL, annulus, box, distorted, mapped, rotation
@@ -139,6 +140,19 @@ def test_same_surfaces_as_scikit_fem(name, order, parts):
     assert np.einsum("qc,qc,q", surface.points, surface.normals, surface.weights) == pytest.approx(
         3 * volume(space.mesh), rel=1e-12
     )
+
+
+@pytest.mark.parametrize("refdom", [RefQuad, RefTri])
+def test_scattered_points_tell_the_part_of_a_facet_before_a_line(refdom):
+    """Along an edge, and across the diagonal, which many points are near at once."""
+    X, W = scattered_quadrature(refdom)
+    x, c = np.linspace(-0.05, 1.05, 41), np.linspace(0.0, 1.0, 41)
+    inside = np.clip(x, 0, 1)
+    exact = inside if refdom is RefQuad else inside - inside**2 / 2
+    for axis in (0, 1):
+        np.testing.assert_allclose([W[X[axis] < at].sum() for at in x], exact, atol=2e-3)
+    np.testing.assert_allclose([W[X.sum(axis=0) < at].sum() for at in c], c**2 / 2, atol=4e-3)
+    assert W.sum() == pytest.approx(exact[-1]) and X.min() > 0
 
 
 @pytest.mark.parametrize("kind", ["hex1", "hex2", "tet2"])

@@ -157,3 +157,29 @@ def test_bars_hold_where_a_clamp_ends_in_a_notch():
     bars = with_discretisation(found[0]).points[0].discretisation.imag
     assert (np.abs(exact - omega[0]) <= bars).all()
     assert (np.abs(exact - omega[0])[:2] > bars[:2] / NOTCHED).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0.0225, 0.0275])
+def test_bars_hold_where_the_counterface_ends_within_facets_of_the_pad(end):
+    """Two facets of 20 mm, of which one hangs over the end of a plate by 17.5 or 12.5 mm.
+
+    Where points of a rule for smooth functions alone tell the area in contact, it is off on the mesh and on the refined
+    one, and no bar knows. On the fine mesh the plate ends between facets.
+    """
+    def swept(n, m):
+        pad = box("hex1", (n, m, m), (0.04, 0.02, 0.01), (0, 0, 0.01), name="pad")
+        plate = box("hex1", (3 * n // 2, m, m), (0.06, 0.02, 0.01), (end - 0.06, 0, 0), name="plate")
+        problem = make_problem(
+            join(pad, plate), materials={"lining": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+            supports=[{"surface": "bottom_plate", "fixed": "xyz"}], effects={"friction": {"mu": 0.1}},
+            springs=[{"name": a, "surface": "top_pad", "direction": e, "stiffness": k}
+                     for a, e, k in zip("xyz", np.eye(3).tolist(), (1e7, 1e7, 1e5), strict=True)],
+            contacts=[{"surface": "bottom_pad", "counterface": "top_plate", "normal_stiffness": 2e10, "sliding": BELT}],
+        )  # fmt: skip
+        return sweep(problem, [0.1], modes=6)
+
+    coarse, fine = swept(2, 1), swept(16, 2)
+    error = np.abs((fine.points[0].modes.lam - coarse.points[0].modes.lam).imag)
+    bars = with_discretisation(coarse).points[0].discretisation.imag
+    assert (error <= bars).all() and np.median(bars / error) < 3
