@@ -20,6 +20,7 @@ from .symmetry import measure_symmetry
 Slot = Literal["M", "C", "K"]
 POWER: dict[Slot, int] = {"M": 2, "C": 1, "K": 0}  # the power of λ that multiplies the matrix of a slot in Q(λ)
 
+_REAL = "fiub"  # NumPy's kinds of real numbers
 _CLAIMED = 1e-8  # of the largest entries of row and column: how far a matrix may be from what it is said to be
 
 
@@ -34,8 +35,8 @@ class Term:
     slot : "M", "C" or "K"
         The matrix that it is a summand of.
     matrix : (n, n) sparse float
-        In kg, N s/m or N/m after multiplication by the powers of the parameters. It is not to be changed: sums are
-        kept, and what is large may lie in a file.
+        In kg, N s/m or N/m after multiplication by the powers of the parameters; other real numbers are converted.
+        It is not to be changed: sums are kept, and what is large may lie in a file.
     symmetric : bool
         Whether the matrix is symmetric by its mathematics, apart from rounding.
     powers : mapping of str to int
@@ -65,6 +66,9 @@ class Term:
             raise SceneError(f'term {self.name}: given the slot {self.slot!r}; expected "M", "C" or "K"')
         if sp.issparse(self.matrix) and (self.matrix.format != "csr" or isinstance(self.matrix, sp.spmatrix)):
             object.__setattr__(self, "matrix", sp.csr_array(self.matrix))
+        # Sums of integers wrap around, and those of single precision are exact to seven digits alone.
+        if sp.issparse(self.matrix) and self.matrix.dtype.kind in _REAL and self.matrix.dtype != float:
+            object.__setattr__(self, "matrix", self.matrix.astype(float))
         # SciPy's products of small matrices come with long indices, and sums with the large ones would take them over.
         if sp.issparse(self.matrix) and self.matrix.format == "csr":
             object.__setattr__(self, "matrix", with_short_indices(self.matrix))
@@ -87,7 +91,7 @@ class Term:
             return f"given a {type(A).__name__} as the matrix; expected a sparse one, as scipy.sparse.csr_array(A)"
         if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.shape[0]:
             return f"the matrix has the shape {A.shape}; expected a square one"
-        if A.dtype.kind not in "fiub":
+        if A.dtype.kind not in _REAL:
             return f"the matrix is {A.dtype}; expected real numbers, and another term with imaginary=True for losses"
         if not np.isfinite(A.data).all():
             return "the matrix has entries that are not finite; expected finite numbers"

@@ -33,6 +33,22 @@ def test_any_sparse_format_is_taken(made):
     assert onset.value == pytest.approx(0.5, rel=1e-9)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.int8, np.uint8])
+@pytest.mark.parametrize("n", [100, 450])
+def test_any_real_numbers_are_taken_as_floats(kind, n):
+    """Two springs of 100 on each mass, θ = 200 + 2 μ cos(kπ/(n + 1)) with symmetric friction: 8-bit sums would end at
+    127 or 255, and single precision is exact to seven digits alone."""
+    springs, beside = sp.eye_array(n, format="csr"), sp.diags_array(np.ones((2, n - 1)), offsets=[-1, 1], shape=(n, n))
+    problem = Problem((
+        Term("inertia", "M", springs.astype(kind), True),
+        *(Term(name, "K", (100 * springs).astype(kind), True) for name in ("springs", "others")),
+        Term("chain", "K", sp.csr_array(beside).astype(kind), True, {"mu": 1}),
+    ), {"mu": 0.3})  # fmt: skip
+    (point,) = fe_squeal.sweep(problem, [0.3], modes=5).points
+    exact = 200 + 0.6 * np.cos(np.arange(n, n - 5, -1) * np.pi / (n + 1))
+    assert point.modes.lam.imag**2 == pytest.approx(exact, rel=1e-12)
+
+
 @pytest.mark.parametrize(("term", "message"), [
     (("damper", "C", np.eye(N), True), r"damper: given a ndarray as the matrix; expected a sparse one"),
     (("push", "K", sp.csr_array(PUSH), True, {"mu": 1}), "push: the matrix is not symmetric, but symmetric=True"),
