@@ -11,6 +11,7 @@ from .pencil import Pencil
 ROUNDING = 8 * np.finfo(float).eps
 _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
 _ONE_SHAPE = 64 * ROUNDING  # squared sine of the angle between two modes below which they are one shape
+_SPANNING = 32  # of the modes near another one, those most alike: as many are looked at together, at little cost
 _NEARLY_REAL = 1e-6  # Im λ over |λ| up to which a complex pair may be two equal real eigenvalues, split by rounding
 _APART = 1e-6  # share of the squared lengths of vectors above which a direction is one of its own
 _MARGIN = 64  # times the rounding of a single sum: what counts as rounding of several
@@ -159,6 +160,58 @@ def defective_error(
         size_of = np.einsum("ij,ij->j", np.abs(left[:, i]), magnitude[:, i])
         error[i] = np.where(alike > 1, size_of * ROUNDING ** (1 / alike), 0.0)
     return error
+
+
+def near_coalescence(
+    first_order: np.ndarray, least: np.ndarray, values: np.ndarray, products: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Bound the error of eigenvalues close to another one by the square-root law of a double eigenvalue.
+
+    With 2h the distance to the other eigenvalue, u the first-order error (which grows as 1/h) and δ the error of an
+    eigenvalue whose mode had no part in those near, h² is uncertain by e = 2hu + δ². So h may become √(h² − e), which
+    is h − u to first order, or for e > h² the eigenvalues may meet and part at a right angle: each is then uncertain by
+    √e. A multiple eigenvalue with a full set of modes has h = 0 and keeps the error δ. The other eigenvalue is the
+    nearest one, or of several within 4u, as far as two that may meet are apart, the one whose shape is most alike.
+
+    At an angle α to the span of the modes near it a mode has a condition number of 1/sin α within that span, so that
+    δ = u sin α: where these are of another shape, as a copy of it elsewhere, all of u has other causes.
+
+    Parameters
+    ----------
+    first_order, least, values : (k,)
+        The least is the error of a well-conditioned eigenvalue.
+    products : (k, k) float or complex
+        φ_iᴴMφ_j of modes of unit mass.
+    """
+    if len(values) < 2:
+        return first_order
+    alike, least = np.abs(products), least.copy()
+    distance = np.abs(values[:, None] - values[None, :])
+    np.fill_diagonal(distance, np.inf)
+    nearest = distance.min(axis=1)
+    near = (distance <= np.fmax(4 * first_order, nearest)[:, None]) & np.isfinite(distance)
+    other = np.where(near, alike, -1.0).argmax(axis=1)
+    for i in np.flatnonzero((nearest <= 4 * first_order) & (least < first_order) & np.isfinite(first_order)):
+        others = np.flatnonzero(near[i])
+        others = others[np.argsort(-alike[i, others], kind="stable")[:_SPANNING]]
+        least[i] = max(least[i], first_order[i] * _sine(products[others, i], products[np.ix_(others, others)]))
+    h = distance[np.arange(len(values)), other] / 2
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        e = 2 * h * first_order + least**2
+        bound = np.where(e > h**2, np.sqrt(e), e / (h + np.sqrt(h**2 - e)))
+    return np.fmax(least, np.where(np.isnan(bound), first_order, bound))
+
+
+def _sine(part: np.ndarray, gram: np.ndarray) -> float:
+    """Return the sine of the angle between a mode and the span of others, zero where it is rounding.
+
+    Parameters
+    ----------
+    part, gram : (m,), (m, m)
+        Products of the others with the mode and with each other.
+    """
+    squared = 1 - np.vdot(part, np.linalg.pinv(gram, ROUNDING, hermitian=True) @ part).real
+    return float(np.sqrt(squared)) if squared > _ONE_SHAPE else 0.0
 
 
 def _clusters(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from .multiple import (
     ROUNDING,
     biorthogonal,
     defective_error,
+    near_coalescence,
     rounding_of_zero,
     separated,
     separated_divergences,
@@ -49,7 +50,7 @@ def modes_from_theta(
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     seen = 0.0 if second_order else np.abs(residual)
     least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
-    u_theta = _near_coalescence(first_order, least, theta, _alike(pencil, right))
+    u_theta = near_coalescence(first_order, least, theta, _products(pencil, right))
     u_theta = np.maximum(u_theta, defective_error(pencil, theta, right, lefts, magnitude))
 
     # A rigid mode: θ is zero within what rounding leaves.
@@ -100,7 +101,7 @@ def modes_from_lambda(
     least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
     with np.errstate(over="ignore"):  # for λ = 0 without damping the derivative of λ is infinite
         least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
-    u = _near_coalescence(first_order, least, lam, _alike(pencil, right))
+    u = near_coalescence(first_order, least, lam, _products(pencil, right))
     slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
     u = np.maximum(u, defective_error(pencil, lam, right, lefts, magnitude / slope))
     rounding = rounding_of_zero(pencil, lam, right, second_order)
@@ -226,39 +227,9 @@ def _perturbation(
     return through.sum(axis=1), amplification.diagonal()
 
 
-def _alike(pencil: Pencil, right: np.ndarray) -> np.ndarray:
-    """Return |φ_iᴴMφ_j| (k, k) of modes φ (n, k)."""
-    return np.asarray(np.abs(right.conj().T @ lift(pencil.M, right)))
-
-
-def _near_coalescence(
-    first_order: np.ndarray, least: np.ndarray, values: np.ndarray, alike: np.ndarray
-) -> np.ndarray:  # fmt: skip
-    """Bound the error of eigenvalues close to another one by the square-root law of a double eigenvalue.
-
-    With 2h the distance to the other eigenvalue, u the first-order error (which grows as 1/h) and δ, `least`, the error
-    of a well-conditioned eigenvalue, h² is uncertain by e = 2hu + δ². So h may become √(h² − e), which is h − u to
-    first order, or for e > h² the eigenvalues may meet and part at a right angle: each is then uncertain by √e. A
-    multiple eigenvalue with a full set of modes has h = 0 and keeps the error δ. The other eigenvalue is the nearest
-    one, or of several within 4u, as far as two that may meet are apart, the one whose shape is most alike.
-
-    Parameters
-    ----------
-    first_order, least, values : (k,)
-    alike : (k, k) float
-        |φ_iᴴMφ_j| of modes of unit mass.
-    """
-    if len(values) < 2:
-        return first_order
-    distance = np.abs(values[:, None] - values[None, :])
-    np.fill_diagonal(distance, np.inf)
-    near = distance <= np.fmax(4 * first_order, distance.min(axis=1))[:, None]
-    other = np.where(near & np.isfinite(distance), alike, -1.0).argmax(axis=1)
-    h = distance[np.arange(len(values)), other] / 2
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        e = 2 * h * first_order + least**2
-        bound = np.where(e > h**2, np.sqrt(e), e / (h + np.sqrt(h**2 - e)))
-    return np.fmax(least, np.where(np.isnan(bound), first_order, bound))
+def _products(pencil: Pencil, right: np.ndarray) -> np.ndarray:
+    """Return φ_iᴴMφ_j (k, k) of modes φ (n, k)."""
+    return np.asarray(right.conj().T @ lift(pencil.M, right))
 
 
 def eigenvalue_errors(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:
