@@ -14,7 +14,7 @@ from .known_band import KnownBand, is_light
 from .linear.factor import LinearSolver
 from .multiple import rounding_of_zero
 from .pencil import Modes, Pencil
-from .quality import eigenvalue_errors, modes_from_lambda, modes_from_theta, together
+from .quality import eigenvalue_errors, grow_below, modes_from_lambda, modes_from_theta, together
 from .request import Request, is_beside, is_needed, select_wanted
 from .shift import LIGHT, symmetric_part
 
@@ -152,7 +152,7 @@ def with_far_growth(
     assert known.right is not None and known.left is not None
     far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))
     # Copies of multiple eigenvalues that one start vector has not shown are among them, whether they grow or not.
-    far = far[is_light(known.lam[far])]
+    far = far[is_light(known.lam[far]) | grow_below(pencil, known.lam[far])]
     far = far[~_known_zeros(damped, modes, free, known.lam[far], known.right[:, far])]
     if not len(far):
         return replace(modes, method=known.method)
@@ -163,7 +163,10 @@ def with_far_growth(
     if not pencil.is_complex:
         theta, columns, mirrored = _paired(lam, eigenvalue_errors(damped, lam, right, left))
         right, left = (np.where(mirrored, x[:, columns].conj(), x[:, columns]) for x in (right, left))
-    return together(modes, modes_from_theta(pencil, theta, right, left, known.method))
+    found = modes_from_theta(pencil, theta, right, left, known.method)
+    # What grows below the axis stands for a θ whose mode decays: beside flutter it is but the other one of a pair.
+    unsure = found.re_uncertainty >= np.abs(found.lam)
+    return together(modes, found.select(np.flatnonzero(is_light(found.lam) | unsure | (not pencil.is_complex))))
 
 
 def _known_zeros(

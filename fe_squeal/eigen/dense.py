@@ -24,7 +24,7 @@ from .lapack import (
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
 from .polish import inaccurate, pair_errors, polish_pairs
-from .quality import in_upper_half, modes_from_lambda, modes_from_theta
+from .quality import grow_below, in_upper_half, modes_from_lambda, modes_from_theta
 from .threads import one_openblas_thread
 
 DENSE_LIMIT = 400  # unknowns up to which all modes come from LAPACK: seconds, tens of them where QZ is needed
@@ -134,7 +134,7 @@ def _damped_pairs(
     upper = free is None and not pencil.is_complex
     lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
     every = bool(np.isfinite(highest) or _number(lam, upper) >= finite_number(A))
-    keep = in_upper_half(pencil, omega0 * lam)
+    keep = in_upper_half(pencil, omega0 * lam) | grow_below(pencil, lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
     if growing is not None:

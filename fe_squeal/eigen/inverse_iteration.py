@@ -57,7 +57,8 @@ def improved(
     if not values.imag.any() and pencil.C is None and not pencil.is_complex:
         values, right, left = values.real, right.real, left.real
     modes_from = modes_from_theta if pencil.C is None else modes_from_lambda
-    return replace(modes_from(pencil, values, right, left, modes.method), exhaustive=modes.exhaustive)
+    better = modes_from(pencil, values, right, left, modes.method)
+    return replace(better, exhaustive=modes.exhaustive, beyond=modes.beyond)
 
 
 def _iterated(

@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from ..errors import NotConvergedError
 from .free_modes import FreeModes
 from .pencil import Modes, Pencil
-from .quality import in_upper_half, modes_from_lambda, modes_from_theta
+from .quality import grow_below, in_upper_half, modes_from_lambda, modes_from_theta
 from .shift_invert import Pairs, ShiftInverted
 
 
@@ -72,7 +72,7 @@ def quadratic_modes(
     # The left mode of λ is the transposed problem's mode of λ*: ψᴴQ(λ) = 0 is Q(λ)ᴴψ = 0.
     _, partner = linear_sum_assignment(np.abs(lam[:, None] - lam_left[None, inner_left].conj()))
     left = left[:, inner_left[partner]]
-    upper = in_upper_half(pencil, lam)
+    upper = in_upper_half(pencil, lam) | grow_below(pencil, lam)
     lam, right, left = lam[upper], right[:, upper], left[:, upper]
     reach = np.inf if every else _farthest(lam, operator.sigma)
     if free is not None:

@@ -152,6 +152,9 @@ class Modes:
         How they were found, in words.
     exhaustive : bool
         Whether the method cannot miss a mode in its range, as LAPACK on the whole matrices.
+    beyond : float
+        Largest Re λ, 1/s, of eigenvalues that are left out since loss factors alone let them swing, see `quality`; 0
+        for none.
     """
 
     lam: np.ndarray
@@ -162,6 +165,7 @@ class Modes:
     condition: np.ndarray
     method: str = ""
     exhaustive: bool = False
+    beyond: float = 0.0
 
     def __len__(self) -> int:
         return len(self.lam)

@@ -78,6 +78,9 @@ def modes_from_lambda(
 ) -> Modes:  # fmt: skip
     """Return the modes of a pencil with C from its eigenpairs that are `in_upper_half`.
 
+    Of those that `grow_below` the axis only the largest Re λ is kept, as `Modes.beyond`, where losses alone let them
+    swing.
+
     Parameters
     ----------
     lam : (k,) complex, rad/s
@@ -110,11 +113,11 @@ def modes_from_lambda(
     if pencil.is_complex:
         lam = np.where(_is_real(lam, pencil.n), lam.real, lam)
         u = _outside_the_law(pencil, lam, right, left, u, np.ones(len(lam)))
-    order = _by_frequency(lam, u)
+    order, below = _by_frequency(lam, u), grow_below(pencil, lam) & (u >= np.abs(lam))
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
-    condition = _over(amplification, np.abs(lam))
-    return Modes(lam, right, left, backward, u, condition, method).select(order)
+    condition, beyond = _over(amplification, np.abs(lam)), float(lam.real[below].max(initial=0.0))
+    return Modes(lam, right, left, backward, u, condition, method, beyond=beyond).select(order)
 
 
 def together(modes: Modes, others: Modes) -> Modes:
@@ -124,7 +127,7 @@ def together(modes: Modes, others: Modes) -> Modes:
     every = Modes(
         np.append(modes.lam, others.lam), np.hstack([modes.right, others.right]), np.hstack([modes.left, others.left]),
         np.append(modes.backward_error, others.backward_error), u, np.append(modes.condition, others.condition),
-        others.method,
+        others.method, beyond=max(modes.beyond, others.beyond),
     )  # fmt: skip
     return every.select(_by_frequency(every.lam, u))
 
@@ -173,6 +176,14 @@ def in_upper_half(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
     for i in np.flatnonzero(tiny & ~upper):
         upper[i] = not (np.abs(lam[tiny & (lam.imag >= 0)] + lam[i]) <= 0.1 * np.abs(lam[i])).any()
     return np.asarray(upper)
+
+
+def grow_below(pencil: Pencil, lam: np.ndarray) -> np.ndarray:
+    """Return (k,) bool, which eigenvalues lam (k,) are below the real axis with a complex K and grow as fast as swing.
+
+    Losses move a real λ > 0 there where they do not act on what makes it grow, as on a negative stiffness of a contact.
+    """
+    return np.asarray(pencil.is_complex & (lam.imag < 0) & (lam.real >= -lam.imag))
 
 
 def _is_real(lam: np.ndarray, n: int) -> np.ndarray:

@@ -17,8 +17,9 @@ def growth_beyond(pencil: Pencil, modes: Modes) -> float:
     """Return the largest growth rate, 1/s, of motions that swing, if at all, by their losses alone; 0 for none.
 
     K(1 + iη) is a law of oscillations, so that such modes count as marginal, see `quality`. Without dampers one that
-    decays so has a partner that grows. With dampers it may be overdamped, and whether something diverges is looked for
-    among the real eigenvalues of small matrices without their imaginary part. Such modes may also be in no list.
+    decays so has a partner that grows. With dampers it may be overdamped: what grows is in no list, see `Modes.beyond`.
+    Losses may also turn slow growth into what seems to swing, so that it is looked for among the real eigenvalues of
+    small matrices without their imaginary part.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def growth_beyond(pencil: Pencil, modes: Modes) -> float:
     least = _RATE * float(np.abs(lam).max(initial=0.0))
     unsure = modes.re_uncertainty >= np.abs(lam.real)
     beyond = lam[unsure & (np.abs(lam.real) >= np.abs(lam.imag)) & (np.abs(lam) > least)]
-    found = float((np.abs(beyond.real) if pencil.C is None else beyond.real).max(initial=0.0))
+    found = float((np.abs(beyond.real) if pencil.C is None else beyond.real).max(initial=modes.beyond))
     if found <= least and pencil.n <= _SMALL:
         full = pencil.dense()
         M, K = np.asarray(full.M).real, np.asarray(full.K)

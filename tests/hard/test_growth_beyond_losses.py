@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -66,3 +68,40 @@ def test_strong_flutter_that_losses_change_much_is_told():
     box = {"p": {"uniform": {"low": 1.0, "high": 2.0}}}
     study = fe_squeal.scatter(strong(0.2), box, samples=16, indices=False)
     assert "loss factors say nothing" in study.solver.why
+
+
+def chain(extra, damping, n=850, loss=0.05):
+    """A chain of 30 masses beside stiffer single ones, with losses, and a stiffness of its last masses without."""
+    single, links = np.linspace(50.0, 100.0, n - 30), sp.diags_array(np.ones(29), offsets=1, shape=(30, 30))
+    elastic = sp.csr_array(sp.block_diag([sp.diags_array(single), 2 * sp.eye_array(30) - links - links.T]))
+    last = np.arange(n - len(extra), n)
+    push = sp.coo_array((np.ravel(extra), (np.repeat(last, len(last)), np.tile(last, len(last)))), shape=(n, n))
+    parts = [Term("mass", "M", sp.eye_array(n, format="csr"), True), Term("elastic", "K", elastic, True),
+             Term("loss", "K", loss * elastic, True, imaginary=True),
+             Term("push", "K", sp.csr_array(push), False, {"p": 1})]  # fmt: skip
+    parts += [Term("damper", "C", damping * sp.eye_array(n, format="csr"), True)] if damping else []
+    return Problem(tuple(parts), {"p": 1.0})
+
+
+def swings_below_1(problem):
+    return fe_squeal.sweep(problem, [1.0], "p", max_frequency=1.0 / (2 * np.pi))
+
+
+@pytest.mark.parametrize("stiffness", [-1.5, -9.0])
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+def test_divergence_of_large_matrices_is_told(stiffness, damping):
+    """With a stiffness −s at its end the chain has θ = 2 − s − 1/s, of 0.4 or 2.7 1/s but for the losses."""
+    told = swings_below_1(chain([[stiffness]], damping)).unsettled
+    (sentence,) = [w for w in told if "loss factors" in w]
+    rate = np.sqrt(damping**2 / 4 - 2 - stiffness - 1 / stiffness) - damping / 2
+    assert float(re.search(r"by up to (\S+) 1/s", sentence).group(1)) == pytest.approx(rate, rel=0.02)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+def test_what_the_law_makes_of_strong_flutter_below_the_axis_is_not_told(damping):
+    """λ = a ± ib with b < a, but for losses that change little of it."""
+    result = swings_below_1(chain([[-3.0, 2.0], [-2.0, -3.0]], damping, loss=0.01))
+    modes = result.points[0].modes
+    fast = modes.lam.real > modes.lam.imag
+    assert (modes.lam.real > 1.2).any() and fast[modes.stability == "unstable"].all()
+    assert not any("loss factors" in w for w in result.warnings)
