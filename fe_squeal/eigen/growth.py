@@ -9,16 +9,16 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from .inertia import count_beneath
+from .inertia import count_beneath, negative_at_infinity
 from .linear.factor import LinearSolver
 from .pencil import Pencil
-from .shift import symmetric_part
+from .shift import symmetric_part, turned_stiffness
 
 # Times a rate: how far below zero θ may be, as a frequency, and how much damping may be negative, so that no real λ is
 # larger than 0.6 times the rate: λ² − 0.1λ − ¼ > 0 there.
 _STIFFNESS, _DAMPING = 0.5, 0.1
 _SLOW = 0.25  # of a rate: gyroscopic terms up to this leave what it bounds nearly as it is
-_EQUAL = 1e-12  # of the largest entry of C: what differs by less is symmetric
+_EQUAL = 1e-12  # of the largest entry: what differs by less is symmetric
 _ROUGHLY, _SURE = 1e-2, 1.2  # tolerance of Lanczos iteration for a bound, and the factor by which it is made safe
 _SMALLEST, _SEED = 50, 20261126  # unknowns from which Lanczos iteration serves; of its random start
 _LITTLE = 1e-13  # of the largest entry of a matrix: changes nothing but whether a pivot is zero
@@ -32,6 +32,9 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     Where those of K + ¼r²M and C + 0.1rM have no negative eigenvalue, the sum is positive for every λ > 0.6 r. A
     symmetric C, or none, then also bounds how fast flutter grows: (Re λ)² − 0.1 r Re λ < (Im λ)² + ¼r².
 
+    Constraints by Lagrange multipliers are no such negative eigenvalues, and do no work. With friction their forces do,
+    and no sum bounds it: something may always grow then.
+
     It costs one real symmetric factorisation, with a C that is not zero a second one.
 
     Parameters
@@ -44,11 +47,12 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     undamped, theta = symmetric_part(pencil), -((_STIFFNESS * rate) ** 2)
     if pencil.C is None or not pencil.C.count_nonzero():
         below = count_beneath(undamped, theta, linear_solver)
-        return None if below is None else below > 0
+        return None if below is None else below > 0 or _multipliers_work(pencil, undamped, linear_solver)
     mass, damping = (np.asarray(abs(A).sum(axis=1)).ravel() for A in (pencil.M, pencil.C))
     light = (mass == 0) & (damping > 0)
-    below = count_beneath(_with_mass(undamped, light, theta), theta, linear_solver)
-    if below:
+    undamped = _with_mass(undamped, light, theta)
+    below = count_beneath(undamped, theta, linear_solver)
+    if below or (below == 0 and _multipliers_work(pencil, undamped, linear_solver)):
         return True
     # Unknowns with neither mass nor damping would make C + rM singular.
     rows, theta = np.flatnonzero((mass > 0) | light), -_DAMPING * rate
@@ -56,6 +60,20 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     dampers = Pencil(M, sp.csr_array((C + C.T) / 2), symmetric=True)
     negative = count_beneath(_with_mass(dampers, light[rows], theta), theta, linear_solver)
     return None if negative is None or below is None else negative > 0
+
+
+def _multipliers_work(pencil: Pencil, undamped: Pencil, linear_solver: LinearSolver | str) -> bool:
+    """Return whether there are constraints whose forces are not across the motions that they allow, as with friction.
+
+    They act along the columns of K of unknowns without mass, and allow motions across its rows.
+    """
+    light = undamped.M.diagonal() == 0
+    if pencil.symmetric or not light.any():
+        return False
+    K = turned_stiffness(pencil)
+    rows, columns = K[light], sp.csr_array(K.T)[light]
+    works = abs(rows - columns).max() > _EQUAL * abs(rows).max()
+    return bool(works and negative_at_infinity(undamped, linear_solver))
 
 
 def _with_mass(pencil: Pencil, light: np.ndarray, theta: float) -> Pencil:

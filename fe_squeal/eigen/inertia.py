@@ -37,11 +37,11 @@ def finite_below(
     """Return how many of the negative pivots of K − sM are finite θ < s; None where that is not known."""
     if negative_pivots is None:
         return None
-    infinite = _negative_at_infinity(pencil, linear_solver)
+    infinite = negative_at_infinity(pencil, linear_solver)
     return None if infinite is None else negative_pivots - infinite
 
 
-def _negative_at_infinity(pencil: Pencil, linear_solver: LinearSolver | str) -> int | None:
+def negative_at_infinity(pencil: Pencil, linear_solver: LinearSolver | str) -> int | None:
     """Return the number of negative eigenvalues that K − sM keeps for s → −∞, where no finite θ gives any.
 
     With Z the null space of M ≥ 0, every positive or negative eigenvalue of ZᵀKZ is an infinite eigenvalue of the

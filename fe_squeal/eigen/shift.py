@@ -100,22 +100,26 @@ def light_tilt(lam: np.ndarray) -> float:
 
 
 def symmetric_part(pencil: Pencil) -> Pencil:
-    """Return the pencil without damping, and with the symmetric part of K.
-
-    The row of an unknown without mass may be multiplied by −1 without changing the problem. Programs write constraints
-    with Lagrange multipliers as [[K, Bᵀ], [B, 0]] or as [[K, −Bᵀ], [B, 0]]; of the second form the symmetric part would
-    have lost B, so such rows are turned first.
-    """
+    """Return the pencil without damping, and with the symmetric part of K, see `turned_stiffness`."""
     if pencil.problem_class == "symmetric":
         return pencil
-    K = pencil.K.real
-    turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
-    if turned.any():
-        K = sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K)
+    K = turned_stiffness(pencil)
     symmetric = Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
     if pencil.free is None:
         return symmetric
     return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
+
+
+def turned_stiffness(pencil: Pencil) -> sp.csr_array:
+    """Return the real part of K with rows turned that its symmetric part would lose.
+
+    The row of an unknown without mass may be multiplied by −1 without changing the problem. Programs write constraints
+    with Lagrange multipliers as [[K, Bᵀ], [B, 0]] or as [[K, −Bᵀ], [B, 0]]; of the second form the symmetric part would
+    have lost B.
+    """
+    K = pencil.K.real
+    turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
+    return sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K) if turned.any() else K
 
 
 def _rounding_of_zero(pencil: Pencil, Z: np.ndarray) -> float:

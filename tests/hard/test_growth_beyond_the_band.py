@@ -200,3 +200,17 @@ def test_growth_that_is_not_looked_for_is_told():
     pencil = chain(np.diag([-1e14, 9.0]), 1e-3 * np.eye(2))
     modes = solve_modes(pencil, REQUESTS[0])
     assert not len(growing(modes)) and "without a search for real eigenvalues" in modes.method
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("damping", [None, 0.002])
+def test_friction_by_a_multiplier(sign, damping):
+    """It holds u₁ = 0 by a force that acts on u₁ and on u₂, which leaves λ² + cλ + 1 − 50 = 0 of u₂."""
+    block = np.array([[1e4, 50.0, sign], [50.0, 1.0, sign], [1.0, 0.0, 0.0]])
+    held = np.diag([1.0, 1.0, 0.0])
+    pencil = chain(block, None if damping is None else damping * held)
+    pencil = Pencil(sp.csr_array(sp.diags_array(np.append(np.ones(N - 1), 0.0))), pencil.K, pencil.C)
+    c = damping or 0.0
+    for request in REQUESTS:
+        found = growing(solve_modes(pencil, request))
+        np.testing.assert_allclose(found, [np.sqrt(49 + c**2 / 4) - c / 2], rtol=1e-9)
