@@ -79,7 +79,8 @@ class Edges:
 def singular_elements(assembly: Assembly) -> np.ndarray:
     """Return (m,) bool, which elements have a node where stresses are singular.
 
-    That is on an edge, or in a set of nodes that supports, springs or ties act on.
+    That is on an edge, or in a set of nodes that supports, springs or ties act on, but for faces that are held as a
+    whole.
 
     Parameters
     ----------
@@ -103,7 +104,9 @@ def singular_elements(assembly: Assembly) -> np.ndarray:
     marked = np.zeros(space.nodes, bool)
     for path, kind, group in holding(scene):
         if kind != "surface":
-            marked[nodes_there(space, assembly.loaded, kind, group, path)] = True
+            nodes = nodes_there(space, assembly.loaded, kind, group, path)
+            is_held = path.startswith(("supports", "rigid"))
+            marked[np.setdiff1d(nodes, _on_held_faces(assembly, group, path)) if is_held else nodes] = True
     return found | np.asarray(marked[space.dofs.element_dofs].any(axis=0))
 
 
@@ -200,6 +203,15 @@ def _hard_contacts(assembly: Assembly) -> Iterator[tuple[np.ndarray, int]]:
             if part.normal_stiffness * size > _HARD * own:
                 holds = 7 if part.kind == "tied" else _NORMAL
                 yield facets[_covered(mesh.facets[:, facets], touching)], holds if other > _STIFFER * own else _ELASTIC
+
+
+def _on_held_faces(assembly: Assembly, group: str, key: str) -> np.ndarray:
+    """Return the nodes (n,) int of the faces that a held set of nodes covers; none if it leaves nodes of them free."""
+    mesh, space = assembly.loaded.mesh, assembly.space
+    held = space.nodes_at(find_nodes(assembly.loaded, group, key).held, between=True)
+    faces = mesh.boundary_facets()
+    nodes = np.unique(space.nodes_of(faces[_covered(mesh.facets[:, faces], held)]))
+    return nodes if np.isin(nodes, held).all() else nodes[:0]
 
 
 def _covered(facets: np.ndarray, nodes: np.ndarray) -> np.ndarray:

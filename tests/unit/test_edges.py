@@ -48,6 +48,27 @@ def test_a_face_held_along_its_normal_or_along_itself_is_a_plane_of_symmetry(fix
     assert found.any() == singular
 
 
+@pytest.mark.parametrize("kind", ["hex1", "hex2", "tet1", "tet2"])
+@pytest.mark.parametrize("tables", [
+    {"supports": [{"KIND": "left", "fixed": "x"}]}, {"supports": [{"KIND": "left", "fixed": "xyz"}]},
+    {"rigid": [{"name": "r", "KIND": "left"}]},
+])  # fmt: skip
+def test_all_nodes_of_a_face_are_held_as_the_face(kind, tables):
+    """Corners alone of quadratic elements are points, and all elements at them are singular."""
+    mesh = box(kind, (3, 3, 3), (3.0, 3.0, 3.0))
+    x = mesh.doflocs[0]
+    found = []
+    for place, last in (("surface", 0), ("nodes", len(x)), ("nodes", mesh.nvertices)):
+        nodes = np.flatnonzero(x[:last] == 0)
+        loaded = replace(from_skfem(mesh, "box"), node_groups={"left": NodeSet(nodes, nodes)})
+        own = {key: [{place if k == "KIND" else k: v for k, v in t.items()} for t in ts] for key, ts in tables.items()}
+        body = {"materials": {"steel": STEEL}, "bodies": {"block": {"material": "steel"}}}
+        scene = fe_squeal.parse_scene({"mesh": {"file": "none.msh", "order": 2}, **body, **own})
+        found.append(singular_elements(fe_squeal.assemble(scene, loaded).source))
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[2], found[0] if kind[-1] == "1" else (x[mesh.t] == 0).any(axis=0))
+
+
 def test_a_plane_of_symmetry_that_ends_on_a_flat_face_is_singular_there():
     """Half of the bottom slides on a smooth plane: the mirrored body has a crack."""
     mesh = box("hex1", (4, 2, 2), (4.0, 2.0, 2.0))
