@@ -127,8 +127,9 @@ def _is_highest(pencil: Pencil, top: float, linear_solver: LinearSolver | str) -
 
 
 def with_far_growth(
-    pencil: Pencil, modes: Modes, limit: float, free: FreeModes | None, linear_solver: LinearSolver | str
-) -> Modes:
+    pencil: Pencil, modes: Modes, limit: float, free: FreeModes | None, linear_solver: LinearSolver | str,
+    whole: bool = False,
+) -> Modes:  # fmt: skip
     """Return modes with those beside them that swing below a frequency, rad/s, and grow fast.
 
     The modes nearest a shift reach as far in growth as in frequency alone. Flutter of strong friction, and divergence
@@ -137,17 +138,19 @@ def with_far_growth(
     Parameters
     ----------
     modes : Modes
-        With right and left ones. Of a pencil without C all with |λ| up to the limit; with a complex K those in a circle
-        around a real shift `BEHIND` the limit, through the limit.
+        With right and left ones. Of a pencil without C all with |λ| up to the limit, apart from copies.
     limit : float, rad/s
         Above zero.
+    whole : bool
+        Whether they are all those in a circle around a real shift `BEHIND` the limit, through i times the limit, with
+        every copy of a multiple eigenvalue.
     """
     damped = with_damping(pencil)
     if free is not None:  # of which λ = 0 has velocities, too
         free = split_off(damped, linear_solver)
     known = KnownBand(damped, free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method)
-    if pencil.C is None and not known.add_beside(limit):
-        known.method += ", without a full search for flutter that grows fast"
+    if not whole and not known.add_beside(limit):
+        known.add_aslant(limit)
     known.add_far(limit)
     assert known.right is not None and known.left is not None
     far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))

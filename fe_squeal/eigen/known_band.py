@@ -297,12 +297,15 @@ class KnownBand:
     def _states(self) -> tuple[States, States] | None:
         """Return states that span those of all known modes, of the problem and of the adjoint one.
 
-        Of a real pencil they are real. A complex K is taken as one without C, of which −λ is an eigenvalue too.
+        Of a real pencil they are real. With a complex K −λ is an eigenvalue, too, if C is zero.
         """
         if self.right is None or self.left is None:
             return None
         if self.pencil.is_complex:
             own, other = self.right * self.lam, self.left * self.lam.conj()
+            if self.pencil.C is not None and self.pencil.C.count_nonzero():
+                moves = self.lam != 0  # free motions are taken out anyway
+                return (self.right[:, moves], own[:, moves]), (self.left[:, moves], other[:, moves])
             twice = np.hstack([self.right, self.right]), np.hstack([self.left, self.left])
             return (twice[0], np.hstack([own, -own])), (twice[1], np.hstack([other, -other]))
         upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway

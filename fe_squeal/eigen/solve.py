@@ -8,6 +8,7 @@ from ..errors import NotConvergedError
 from .band import band_modes, with_far_growth
 from .counted import counted_modes, parting_frequency
 from .dense import DENSE_LIMIT, solve_dense
+from .disc import BLOCK
 from .free_modes import FreeModes, split_off
 from .inertia import count_below, finite_below
 from .inverse_iteration import improved
@@ -27,6 +28,7 @@ _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
 _SMALL = 2 * DENSE_LIMIT  # unknowns up to which LAPACK finds all modes where discs do not find those asked for
 _FREE = 1e-8  # of a mode: a part outside the known free motions that is smaller is rounding
 _GAP = 1e-5  # of a frequency: frequencies that are nearer to each other may be a multiple one
+_AMPLE = 1.1  # times the frequency where the wanted modes are thought to end: they seldom end above it
 _ROUGHLY = 1e-3  # accuracy of undamped frequencies that only say where a band ends
 
 
@@ -186,7 +188,7 @@ def _solve_sparse(
     else:
         # Structural damping reaches every mode, so that heavily damped ones count, too. A real positive shift sees all
         # that grows up to the band's end, and no mode is near it.
-        sigma = BEHIND * (band or _undamped_band(pencil, request, linear_solver))
+        sigma = _AMPLE * BEHIND * (band or _undamped_band(pencil, request, linear_solver))
     operator, divergent = _shifted(pencil, sigma, free, linear_solver)
     while True:
         sigma = float(operator.sigma.real)
@@ -217,8 +219,9 @@ def _solve_sparse(
             limit = float(wanted.lam.imag.max(initial=0.0)) or _lowest(modes, far)
             if request.max_frequency_hz is not None:
                 limit = 2 * np.pi * request.max_frequency_hz
+            known = pencil.C is not None and sigma >= BEHIND * limit and _shows_every_copy(operator, modes)
             del operator  # and its factors, before there are others
-            whole = with_far_growth(pencil, modes, limit, free, linear_solver)
+            whole = with_far_growth(pencil, modes, limit, free, linear_solver, known)
             wanted = select_wanted(whole, request, np.inf)
             assert wanted is not None
             return wanted
@@ -235,6 +238,12 @@ def _solve_sparse(
         limit = band or float(modes.lam.imag.max(initial=0.0))
         growth = (limit / radius) ** 1.5 if 0 < radius < limit else 1.4
         sought = int(np.clip(growth, 1.2, 3.0) * sought) + 4
+
+
+def _shows_every_copy(operator: ShiftInverted, modes: Modes) -> bool:
+    """Return whether blocks of vectors have found the modes, and no eigenvalue is as often there as a block is wide."""
+    near = np.abs(modes.lam[:, None] - modes.lam) <= _GAP * np.abs(modes.lam)
+    return operator.in_blocks and int(near.sum(axis=0).max(initial=0)) < BLOCK
 
 
 def _lowest(modes: Modes, otherwise: float) -> float:

@@ -214,3 +214,15 @@ def test_friction_by_a_multiplier(sign, damping):
     for request in REQUESTS:
         found = growing(solve_modes(pencil, request))
         np.testing.assert_allclose(found, [np.sqrt(49 + c**2 / 4) - c / 2], rtol=1e-9)
+
+
+def test_flutter_beside_losses_and_overdamped_modes_that_do_not_count():
+    """The ten modes asked for swing far above the tenth one without dampers, and flutter that grows fast is between."""
+    lam, crowd = 2.6 + 3.1j, 48
+    theta = np.r_[np.arange(1.0, 401), np.linspace(1, 4, crowd)]
+    flutter = np.array([[-(lam**2).real, -(lam**2).imag], [(lam**2).imag, -(lam**2).real]])
+    K = sp.csr_array(sp.block_diag([np.diag(theta) * (1 + 0.01j), flutter]))
+    C = sp.csr_array(sp.diags_array(np.r_[np.full(400, 0.02), np.full(crowd, 200.0), np.full(2, 0.02)]))
+    modes = solve_modes(Pencil(sp.eye_array(crowd + 402, format="csr"), K, C), Request(count=10))
+    np.testing.assert_allclose(modes.lam[modes.lam.real > 1], [-0.01 + np.sqrt(lam**2 + 0.01**2)], rtol=1e-9)
+    assert "without" not in modes.method

@@ -90,6 +90,20 @@ def test_copies_without_dampers_that_one_start_vector_misses(lost, loss):
     assert found.backward_error.max() < Request(count=1).tolerance
 
 
+@pytest.mark.parametrize("theta", [1.21, 1 - 0.3j])
+def test_copies_beside_losses_and_dampers_that_one_start_vector_misses(theta):
+    flutter, loss = np.array([[1.0, 0.3], [-0.3, 1.0]]), 1 + 0.002j
+    K = la.block_diag(chain(44), flutter, flutter, 1.21 * np.eye(2)) * loss
+    pencil = Pencil(*(sp.csr_array(A) for A in (np.eye(50), K, DAMPING * np.eye(50))))
+    every = solve_dense(pencil)
+    modes = every.select(np.flatnonzero(every.lam.imag <= 1.5))
+    places = np.flatnonzero(np.abs(modes.lam - swinging([theta * loss])) < 1e-6)
+    assert len(places) == 2
+    found = with_far_growth(pencil, modes.select(np.delete(np.arange(len(modes)), places[0])), 1.5, None, "auto")
+    assert len(found) == len(modes) and found.backward_error.max() < Request(count=1).tolerance
+    assert np.count_nonzero(np.abs(found.lam - modes.lam[places[0]]) < 1e-9) == 2
+
+
 @pytest.mark.parametrize("lost", [pytest.param((0,), marks=pytest.mark.slow), (0, 1)])
 def test_copies_of_known_modes_are_counted(lost):
     flutter = np.array([[1.0, 0.3], [-0.3, 1.0]])
