@@ -12,6 +12,10 @@ from .quality import grow_below, in_upper_half, modes_from_lambda, modes_from_th
 from .shift_invert import Pairs, ShiftInverted
 
 
+class UnpairedError(NotConvergedError):
+    """The right and the left modes nearest a shift are not the same: with more of them sought these may be."""
+
+
 def symmetric_modes(
     pencil: Pencil, operator: ShiftInverted, count: int, free: FreeModes | None = None
 ) -> tuple[Modes, float]:
@@ -94,7 +98,7 @@ def _common(
 
     Raises
     ------
-    NotConvergedError
+    UnpairedError
         `partial` has the right ones, as of `ShiftInverted.largest`.
     """
     theta, sigma = pairs[0], operator.sigma
@@ -108,7 +112,7 @@ def _common(
             inner, inner_left = np.flatnonzero(radius < middle), np.flatnonzero(radius_left < middle)
             if len(inner) == len(inner_left):
                 return inner, inner_left
-    raise NotConvergedError(
+    raise UnpairedError(
         f"the {len(theta)} right and {len(theta_left)} left modes nearest the shift do not pair",
         operator.eigenpairs(*pairs),
     )

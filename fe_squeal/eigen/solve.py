@@ -14,7 +14,7 @@ from .inertia import count_below, finite_below
 from .inverse_iteration import improved
 from .linear.factor import LinearSolver, SingularError
 from .multiple import unit_mass
-from .nearest import nonsymmetric_modes, quadratic_modes, symmetric_modes
+from .nearest import UnpairedError, nonsymmetric_modes, quadratic_modes, symmetric_modes
 from .pencil import Modes, Pencil
 from .quality import backward_errors, in_upper_half
 from .request import Completeness, Request, select_wanted
@@ -25,6 +25,7 @@ from .threads import one_openblas_thread
 # A shift nearer to an eigenvalue than this, relatively, makes its 1/(θ − σ) so large that rounding of it costs the
 # other eigenvalues digits. The shift is then multiplied by a factor, at most so many times.
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.15, 3
+_WIDER = 3  # times at most that twice as many modes are sought where right and left ones do not pair
 _SMALL = 2 * DENSE_LIMIT  # unknowns up to which LAPACK finds all modes where discs do not find those asked for
 _FREE = 1e-8  # of a mode: a part outside the known free motions that is smaller is rounding
 _GAP = 1e-5  # of a frequency: frequencies that are nearer to each other may be a multiple one
@@ -182,7 +183,7 @@ def _solve_sparse(
         assert modes is not None
         return modes
     sought = count + max(4, count // 10)
-    moves = 0
+    moves = wider = 0
     if pencil.C is None:
         sigma = shift_below(pencil, band, None if free is None else free.right)
     else:
@@ -205,6 +206,11 @@ def _solve_sparse(
                 raise
             moves += 1
             operator, divergent = _shifted(pencil, sigma * _MOVE, free, linear_solver)
+            continue
+        except UnpairedError:  # an eigenvalue of which both have some copies, and no clear ring around the others
+            if sought == operator.size or wider == _WIDER:
+                raise
+            wider, sought = wider + 1, 2 * sought
             continue
         if moves < _MOVES and distance_to_nearest(pencil, modes, sigma) < _CLEAR * abs(sigma):
             moves += 1

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from selection import some
 
 import fe_squeal
+from fe_squeal.eigen import shift_invert
 from fe_squeal.eigen.band import count_beside, with_far_growth
 from fe_squeal.eigen.dense import solve_dense
 from fe_squeal.eigen.pencil import Pencil
@@ -88,6 +89,19 @@ def test_copies_without_dampers_that_one_start_vector_misses(lost, loss):
     order = [np.lexsort((m.lam.real.round(6), m.lam.imag.round(6))) for m in (found, modes)]
     np.testing.assert_allclose(found.lam[order[0]], modes.lam[order[1]], atol=1e-7)
     assert found.backward_error.max() < Request(count=1).tolerance
+
+
+@pytest.mark.parametrize("seed", [20240607, 1])
+@pytest.mark.parametrize("pads", [8, 16])
+def test_copies_of_the_lowest_modes_of_which_right_and_left_ones_are_not_as_many(monkeypatch, pads, seed):
+    """Nothing is nearer to the shift than the copies, of which a start vector shows some, and the left one others."""
+    monkeypatch.setattr(shift_invert, "_SEED", seed)
+    one = pad(20, np.random.default_rng(pads))
+    K = sp.csr_array(la.block_diag(np.kron(np.eye(pads), one), chain(300) + 3 * np.eye(300)))
+    modes = solve_modes(Pencil(sp.eye_array(K.shape[0], format="csr"), K), Request(count=pads))
+    growing = modes.stability == "unstable"
+    np.testing.assert_allclose(modes.lam[growing], np.repeat(swinging([2 - 0.5j], 0.0), pads), rtol=1e-9)
+    assert modes.re_uncertainty[growing].max() < 1e-10
 
 
 @pytest.mark.parametrize("theta", [1.21, 1 - 0.3j])
