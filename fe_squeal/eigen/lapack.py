@@ -197,21 +197,33 @@ def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:
 def finite_number(A: Sequence[np.ndarray]) -> int:
     """Return how many finite eigenvalues v of (A0 + v A1 + v² A2) x = 0 there are, A2 left out without damping.
 
-    Unknowns whose rows of mass are empty have fewer: one without inertia has no θ, and of two λ it keeps one if it is
-    damped. Those among them that nothing else holds are Lagrange multipliers, which take that of another unknown, too.
+    Unknowns whose rows of mass are empty have fewer: those without inertia have no θ, and of two λ they keep one for
+    each rank of their own damping. Motions among them that nothing else holds are Lagrange multipliers, which take
+    that of another unknown, too: of one with mass, or where they tie it to a damped one without, the only λ of that.
+    Where their forces act on more damped unknowns than they hold, or on fewer, it may be too large.
 
     Parameters
     ----------
     A : sequence of (n, n) float or complex
-        The last one is that of mass, or of its negative.
+        The last one is that of mass, or of its negative, and entries are of order one.
     """
-    order = len(A) - 1
-    light = np.asarray(~A[-1].any(axis=1))
-    damped = np.asarray(light & A[1].any(axis=1)) if order == 2 else np.zeros(len(light), bool)
-    rest = np.flatnonzero(light & ~damped)
-    w = np.linalg.svd(A[0][np.ix_(rest, rest)], compute_uv=False)
-    multipliers = np.count_nonzero(w <= len(w) * np.finfo(float).eps * max(w.max(initial=0.0), 1.0))
-    return order * int(len(light) - light.sum() - multipliers) + int(damped.sum())
+    order, light = len(A) - 1, np.asarray(~A[-1].any(axis=1))
+    own = [part[np.ix_(light, light)] for part in A[:order]]
+    damped = 0
+    if order == 2:
+        left, c, right = np.linalg.svd(own[1])
+        damped = _rank(c)
+        own[0] = left.conj().T @ own[0] @ right.conj().T
+    left, k, right = np.linalg.svd(own[0][damped:, damped:])
+    held = _rank(k)
+    across = left[:, held:].conj().T @ own[0][damped:, :damped], own[0][:damped, damped:] @ right[held:].conj().T
+    tied = max(_rank(np.linalg.svd(part, compute_uv=False)) for part in across)
+    return order * int(len(light) - light.sum() - (len(k) - held)) + damped + tied
+
+
+def _rank(w: np.ndarray) -> int:
+    """Return how many singular values w (k,), of matrices whose entries are of order one, are not rounding."""
+    return int(np.count_nonzero(w > len(w) * np.finfo(float).eps * max(w.max(initial=0.0), 1.0)))
 
 
 def massless_apart(A: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray | None]:
