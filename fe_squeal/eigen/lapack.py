@@ -209,21 +209,21 @@ def finite_number(A: Sequence[np.ndarray]) -> int:
     """
     order, light = len(A) - 1, np.asarray(~A[-1].any(axis=1))
     own = [part[np.ix_(light, light)] for part in A[:order]]
-    damped = 0
+    damped, limits = 0, [_rounding(part) for part in own]
     if order == 2:
         left, c, right = np.linalg.svd(own[1])
-        damped = _rank(c)
+        damped = int(np.count_nonzero(c > limits[1]))
         own[0] = left.conj().T @ own[0] @ right.conj().T
     left, k, right = np.linalg.svd(own[0][damped:, damped:])
-    held = _rank(k)
+    held = int(np.count_nonzero(k > limits[0]))
     across = left[:, held:].conj().T @ own[0][damped:, :damped], own[0][:damped, damped:] @ right[held:].conj().T
-    tied = max(_rank(np.linalg.svd(part, compute_uv=False)) for part in across)
+    tied = max(int(np.count_nonzero(np.linalg.svd(part, compute_uv=False) > limits[0])) for part in across)
     return order * int(len(light) - light.sum() - (len(k) - held)) + damped + tied
 
 
-def _rank(w: np.ndarray) -> int:
-    """Return how many singular values w (k,), of matrices whose entries are of order one, are not rounding."""
-    return int(np.count_nonzero(w > len(w) * np.finfo(float).eps * max(w.max(initial=0.0), 1.0)))
+def _rounding(A: np.ndarray) -> float:
+    """Return up to where singular values of a matrix (k, k), turned or not, or of a part of it, may be rounding."""
+    return _SINGULAR * len(A) * np.finfo(float).eps * max(np.abs(A).max(initial=0.0), 1.0)
 
 
 def massless_apart(A: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray | None]:
