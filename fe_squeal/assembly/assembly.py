@@ -25,7 +25,8 @@ from ..fem.materials import material_axes
 from ..fem.motion import SteadyMotion
 from ..fem.places import find_patch
 from ..fem.rigid_motions import rigid_motions
-from ..fem.spaces import DisplacementSpace, Patch, make_space, straightened
+from ..fem.spaces import DisplacementSpace, make_space, straightened
+from ..fem.surfaces import Patch
 from ..mesh import LoadedMesh
 from ..mesh.node_sets import with_named_sets
 from ..problem.description import Describer

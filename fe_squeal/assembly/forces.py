@@ -25,7 +25,7 @@ from ..effects.ties import Rigid
 from ..fem.gyroscopics import nodal_centrifugal_forces
 from ..fem.motion import SteadyMotion
 from ..fem.rigid_motions import connected_parts
-from ..fem.spaces import Surface
+from ..fem.surfaces import Surface
 from ..fem.ties import Tie
 from ..mesh.groups import find_facets
 from ..problem.problem import Problem

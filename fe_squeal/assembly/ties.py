@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from ..effects.ties import Averaged, Rigid
 from ..errors import SceneError
 from ..fem.places import find_patch, nodes_there
-from ..fem.spaces import DisplacementSpace, Patch
+from ..fem.spaces import DisplacementSpace
+from ..fem.surfaces import Patch
 from ..fem.ties import Tie, averaged_tie, mean_tie, rigid_columns, rigid_tie
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets

@@ -13,7 +13,8 @@ from ..eigen.linear.factor import LinearSolver
 from ..fem.contact import ContactOperators
 from ..fem.materials import Elasticity, Material, elasticity, stiffness_tensor
 from ..fem.motion import SteadyMotion
-from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.spaces import DisplacementSpace
+from ..fem.surfaces import Surface
 from ..fem.ties import Tie
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import SceneError
 from ..fem.gyroscopics import centrifugal_load
-from ..fem.spaces import DisplacementSpace, Surface
+from ..fem.spaces import DisplacementSpace
 from ..fem.static_contact import TangentSolver
+from ..fem.surfaces import Surface
 from ..problem.parameters import MU
 from ..problem.terms import Term, sum_terms
 from .cache import Same

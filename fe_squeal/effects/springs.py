@@ -6,7 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from pydantic import model_validator
 
-from ..fem.spaces import DisplacementSpace, Patch
+from ..fem.spaces import DisplacementSpace
+from ..fem.surfaces import Patch
 from ..problem.terms import Slot, Term
 from ..schema.place import Placed
 from ..schema.section import Direction, Name, NonNegative

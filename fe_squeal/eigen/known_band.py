@@ -39,7 +39,7 @@ _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 # that are closer are one.
 _SAME, _BLUR = 1e-7, 4
 _GROWING, _NARROW = 0.56, 0.8  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
-_SHOWN = 100.0  # times the mean part of a mode in a random vector: so much smaller parts show what grows, too
+_SHOWN = 100.0  # a growing mode is found even if the random start has so many times less of it than of others
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
 # Of a frequency: the real part, and the imaginary one, of a shift around which flutter up to it is looked for that
 # grows faster than the discs on the imaginary axis reach; the radius; and where the next such disc begins. These discs
@@ -378,9 +378,10 @@ def is_light(lam: np.ndarray) -> np.ndarray:
 def enough_steps(n: int, radius: float) -> int:
     """Return how many products show an eigenvalue in a disc around a real shift 1 with a radius below 1.
 
-    Seen from there, all λ with Re λ ≤ 0 have 1/(λ − 1) in a circle around −1/2 with radius 1/2, and all in the disc
-    are at least 1/radius − 1/2 away from its centre. With each product these grow by the ratio of both against those,
-    of which a random vector of 2n numbers has √(2n) times as much as of one of these.
+    The operator has the eigenvalues 1/(λ − 1). Those of all λ with Re λ ≤ 0 lie in a circle around −1/2 with radius
+    1/2; those of λ in the disc are at least 1/radius − 1/2 away from the centre of this circle. With each product the
+    share of a mode in the disc rises against the others by the ratio of these distances. A random start of 2n numbers
+    has √(2n) times as much of all others together as of that one mode.
     """
     return int(np.ceil(np.log(_SHOWN * np.sqrt(2 * n)) / np.log(2 / radius - 1)))
 

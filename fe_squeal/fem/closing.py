@@ -6,7 +6,7 @@ import numpy as np
 import skfem
 
 from .facets import facet_corners, facet_edges
-from .spaces import Surface
+from .surfaces import Surface
 
 GAP_TOLERANCE = 0.02  # of the mean facet size of the pad
 _SHARP = np.radians(50.0)  # between normals: an edge with a larger angle belongs to the body, not to its mesh

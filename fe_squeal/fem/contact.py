@@ -16,7 +16,7 @@ from .closing import default_gap_tolerance
 from .facets import facet_points, scattered_quadrature
 from .meeting import locate_along
 from .motion import SteadyMotion
-from .spaces import ROUNDED, DisplacementSpace, Surface
+from .spaces import ROUNDED, DisplacementSpace
 
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
 _CORNER = 0.99  # of the way from the middle of a facet to a corner: what lies farther out does not count
@@ -120,7 +120,7 @@ def contact_operators(
             rim = space.surface(pad_facets[cut], quadrature=scattered_quadrature(space.mesh.brefdom))
             across = _normals(rim.points, rim.normals, sliding)
             whole = np.repeat(~cut, len(n) // len(cut))
-            pad, n = _both(space.surface(pad_facets[~cut], parts), rim), np.concatenate([n[whole], across])
+            pad, n = space.surface(pad_facets[~cut], parts).joined(rim), np.concatenate([n[whole], across])
             hit = hit.joined(whole, locate(rim.points, across))
         values, separation = pad.values, hit.distance
         keep = np.abs(separation) <= reach
@@ -172,15 +172,6 @@ def _corners(space: DisplacementSpace, facets: np.ndarray) -> tuple[np.ndarray, 
     X = X.mean(axis=1, keepdims=True) + _CORNER * (X - X.mean(axis=1, keepdims=True))
     at = facet_points(space.mesh, space.element, facets, (X, np.ones(X.shape[1])))
     return at.points.reshape(-1, 3), at.normals.reshape(-1, 3)
-
-
-def _both(one: Surface, two: Surface) -> Surface:
-    """Return two surfaces as one."""
-    return Surface(
-        np.concatenate([one.points, two.points]), np.concatenate([one.weights, two.weights]),
-        sp.csr_array(sp.vstack([one.values, two.values])), np.concatenate([one.normals, two.normals]),
-        np.concatenate([one.facets, two.facets]),
-    )  # fmt: skip
 
 
 def _parts(mesh: skfem.Mesh, pad: np.ndarray, counter: np.ndarray) -> int:

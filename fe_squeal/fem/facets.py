@@ -15,7 +15,7 @@ from ..errors import MeshError
 from .cells import geometry_map, shape_functions
 
 _ROUNDING = 4.0  # roundings of a coordinate, over the size of the element, that remain at each point
-_FIBONACCI = 377, 610  # two of these numbers, one after the other
+_FIBONACCI = 377, 610  # two neighbours in the sequence of these numbers; the larger one is the number of points
 _LARGEST = 1e-6  # part of the size of an element: a larger error would show in results
 
 

@@ -8,7 +8,8 @@ from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
 from ..mesh.node_sets import find_nodes
 from ..schema.place import Kind
-from .spaces import DisplacementSpace, Patch
+from .spaces import DisplacementSpace
+from .surfaces import Patch
 
 
 def find_patch(space: DisplacementSpace, loaded: LoadedMesh, kind: Kind, group: str, key: str) -> Patch:

@@ -21,6 +21,7 @@ from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map, shape_functions
 from .cubic import CubicDofs, ElementHex3
 from .facets import facet_points, subdivided_quadrature
+from .surfaces import Patch, Surface
 from .ties import Tie
 
 _ELEMENTS = {
@@ -32,48 +33,6 @@ _ELEMENTS = {
 }
 CANCELLED = 1e-12  # part of Σ|products|: thousands of rounded products that cancel leave less than that
 ROUNDED = 1e-13  # size below which shape functions and direction components, of order 1, are rounding
-
-
-@dataclass(frozen=True)
-class Patch:
-    """Points with weights, and interpolation at them: of a surface, or the nodes of a set.
-
-    Attributes
-    ----------
-    points : (q, 3) float, m
-    weights : (q,) float
-        Weights of the points: areas in m^2 for a surface, 1 for each node of a set of nodes.
-    values : (q, nodes) sparse
-        Shape-function values: `values @ u_nodes` interpolates at the points.
-    """
-
-    points: np.ndarray
-    weights: np.ndarray
-    values: sp.csr_array
-
-    @property
-    def area(self) -> float:
-        """Sum of the weights: the area of a surface, m^2, or the number of nodes."""
-        return float(self.weights.sum())
-
-    def mean(self) -> np.ndarray:
-        """Return the (nodes,) weights of the mean of a nodal field over the surface."""
-        return np.asarray(self.values.T @ self.weights) / self.area
-
-
-@dataclass(frozen=True)
-class Surface(Patch):
-    """Quadrature and interpolation on facets.
-
-    Attributes
-    ----------
-    normals : (q, 3) float
-        Outward unit normals.
-    facets : (f,) int
-    """
-
-    normals: np.ndarray
-    facets: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -63,8 +63,9 @@ class Residual:
     right, left : (n,) float or complex
         φ and ψ: where F = 0, Q(λ) φ = 0 and ψᴴQ(λ) = 0.
     slopes : (2,) float
-        |ψᴴ (∂Q/∂s) φ| for s along both axes: by this an error of ψᴴ Q φ is divided, to give one of s. Where λ
-        crosses the imaginary axis, that part of each number counts which λ does not make up for by moving along it.
+        |ψᴴ (∂Q/∂s) φ| for s along both axes. An error of ψᴴQφ divided by this is the error of s. Where λ crosses the
+        imaginary axis only Re λ has to be zero, and an error may also move λ along the axis; the number is then
+        |ψᴴ (∂Q/∂λ) φ| |∂Re λ/∂s|.
     rounding : float
         By how much rounding of the matrices' entries may change ψᴴ Q φ.
     """

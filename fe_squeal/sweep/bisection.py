@@ -12,6 +12,7 @@ from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import NotConvergedError, SquealError
 from .changes import Change
+from .newton import lam_of
 from .onset import Onset
 from .step import Step, real_direction
 
@@ -105,8 +106,9 @@ class Bisection:
     def _reduced(self, change: Change, value: float, more: Modes) -> float:
         """Return the error of a reduced model in an onset, from the modes `more` just beyond it.
 
-        Where two θ meet they are one defective mode, which is real. Where two λ do so on the axis, it is a wave. The
-        error of a modal projection may be wider than the step, and then nothing is known.
+        Where two θ meet, both modes become one, which is real. Where two λ meet on the imaginary axis, the mode is a
+        travelling wave, and complex. The error of a modal projection may be wider than the step, and then nothing is
+        known.
         """
         step = self.step
         if step.reduced_model is None or more.left is None:
@@ -114,8 +116,7 @@ class Bisection:
         i = int(np.argmin(more.lam.real))
         lam, right, left = complex(more.lam[i]), more.right[:, i], more.left[:, i]
         if change.kind == "meeting" and step.in_theta:
-            theta = -complex(lam**2).real
-            lam = complex(np.sqrt(-theta) if theta < 0 else 1j * np.sqrt(theta))
+            lam = lam_of(-complex(lam**2).real)
             right, left = (real_direction(u[:, None]) for u in (right, left))
         affine = step.problem.is_affine(step.parameter)
         here = None if affine else step.beside(step.problem, value).at({step.parameter: 0.0})

@@ -55,7 +55,12 @@ class Root:
     @property
     def lam(self) -> complex:
         """The eigenvalue λ with Im λ ≥ 0, rad/s; a real one that grows."""
-        return complex(np.sqrt(-self.theta) if self.theta < 0 else 1j * np.sqrt(self.theta))
+        return lam_of(self.theta)
+
+
+def lam_of(theta: float) -> complex:
+    """Return the λ, rad/s, with Re λ ≥ 0 and Im λ ≥ 0 of a real θ = −λ², rad²/s²."""
+    return complex(np.sqrt(-theta) if theta < 0 else 1j * np.sqrt(theta))
 
 
 def find_coalescence(
