@@ -14,6 +14,7 @@ from .onset import Onset
 from .step import Step
 
 _ONE = 1e-2  # of a frequency: neighbouring doubts whose frequencies are closer together are about the same pair
+_ROUNDED = 1e-8  # of a frequency: one of a double eigenvalue may be off by this
 _MET = 4.0  # times the rounding of two eigenvalues: if they are closer together, they may be one double eigenvalue
 # Times the uncertainty of an onset: at this distance behind it the modes have to have become unstable.
 _SHOWN = 4.0
@@ -111,7 +112,8 @@ def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bo
     because of rounding. If the sweep `starts` there, nothing before it can tell, and there is a doubt too.
     """
     # Windows first, since an onset that is hidden at the end of the step may be one end of a narrow window.
-    sure, doubts = without_narrow_windows(onsets, FINEST * (step.ends[1] - step.ends[0]))
+    length = step.ends[1] - step.ends[0]
+    sure, doubts = without_narrow_windows(onsets, FINEST * length, length)
     kept: list[Onset] = []
     reach = 1.0 if halved else _SHOWN
     for onset in sure:
@@ -126,11 +128,13 @@ def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bo
     return kept, doubts
 
 
-def without_narrow_windows(onsets: Sequence[Onset], finest: float) -> tuple[list[Onset], list[Doubt]]:
+def without_narrow_windows(
+    onsets: Sequence[Onset], finest: float, length: float
+) -> tuple[list[Onset], list[Doubt]]:  # fmt: skip
     """Return the onsets without those of windows of instability that are narrower than the uncertainty of their ends.
 
     There is a doubt in place of each such window, unless it is narrower than `finest`, in the unit of the parameter:
-    steps are not searched for narrower ones.
+    steps are not searched for narrower ones. `length` is that of the step that was searched, in the same unit.
     """
     taken: set[int] = set()  # positions of ends of such windows
     doubts = []
@@ -140,11 +144,25 @@ def without_narrow_windows(onsets: Sequence[Onset], finest: float) -> tuple[list
         if out.value - into.value > into.uncertainty + out.uncertainty or {i, j} & taken:
             continue
         pair = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None}
-        if pair and into.direction != out.direction:
+        if pair and into.direction != out.direction and _is_one_mode(into, out, length):
             taken |= {i, j}
             if out.value - into.value > finest:
                 doubts.append(Doubt(into.value, out.value, into.frequency_hz))
     return [o for k, o in enumerate(onsets) if k not in taken], doubts
+
+
+def _is_one_mode(first: Onset, second: Onset, length: float) -> bool:
+    """Return whether two onsets that may be at one value have the frequency of one mode.
+
+    Two modes that cross the axis at one value, in opposite directions, are no window. A frequency changes by no more
+    than itself in a step of this length, and beside an onset no faster than growth does. For each of the two a margin
+    is left.
+    """
+    unsure = (first, second)
+    near = sum(o.uncertainty for o in unsure) / length + _ROUNDED
+    reach = _SHOWN * (near * first.frequency_hz + sum(o.growth_within(o.uncertainty) for o in unsure) / (2 * np.pi))
+    most = _ONE * first.frequency_hz
+    return bool(abs(first.frequency_hz - second.frequency_hz) <= (reach if reach < most else most))
 
 
 def pairs_in_rounding(v: np.ndarray, blur: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from .unevenness import is_uneven
 _BEYOND = 1.05  # times the highest frequency that matters: changes of stability up to here are looked for
 _MATTERS = 1.02  # times that frequency: up to here it is told where stability is not decided
 _TOGETHER = 4  # times `FINEST`: changes that are closer together than this may be a single one, or cancel
-_SLOW = 1e-3  # of the largest |λ|: changes whose |λ| differ by more are never taken for the same one
+_SLOW = 1e-3  # of |λ|, or of as much of the largest one: changes that differ by more are never taken for the same one
 _DIGITS = 6  # of a likeness of shapes: beyond these two shapes are one
 _RIM = 0.9  # of the highest |λ| known: a mode above this may leave the range of modes, so its absence is no error
 
@@ -187,11 +187,13 @@ def _lacks(listed: Node, whole: Node, rim: float) -> bool:
 def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
     """Return the changes, ascending, in runs; those in a run are too close together to be distinguished."""
     width = _TOGETHER * FINEST * abs(step.ends[1] - step.ends[0])
-    near = _SLOW * max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends)
+    least = _SLOW * max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends)
     runs: list[list[Change]] = []
     for change in changes:
+        omega = _frequency(step, change)
         for run in runs:
-            if change.low - run[-1].high <= width and abs(_frequency(step, change) - _frequency(step, run[-1])) <= near:
+            near = _SLOW * max(omega, least)
+            if change.low - run[-1].high <= width and abs(omega - _frequency(step, run[-1])) <= near:
                 run.append(change)
                 break
         else:

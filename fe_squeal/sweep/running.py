@@ -276,7 +276,9 @@ class RunningSweep:
                     return
                 self.told.of_onsets(*found.warnings)
                 # A window of instability may reach from step to step.
-                self.onsets, narrow = without_narrow_windows(self.onsets + found.onsets, 0.0)
+                self.onsets, narrow = without_narrow_windows(
+                    self.onsets + found.onsets, 0.0, value - self._value
+                )  # fmt: skip
                 self.told.doubts(found.doubts + narrow)
                 self.onsets = self.told.absorbed(self.onsets, self._start, value)
                 self.window = max(self.window, found.width)

@@ -13,6 +13,7 @@ from ..eigen.pencil import Modes
 from ..eigen.request import is_needed
 
 _FREQUENCY_SCALE = 0.02  # of |λ|: a change of λ by this costs 1/2, as much as a change of shape to MAC = 1/2
+_CHOICE = 0.04  # of |λ|: modes whose frequencies differ by more are no pair that may have coupled
 _NO_MATCH = 1.5  # cost from which on a mode counts as new
 _DOUBT = 0.4  # 1 − MAC: a mode whose shape changes by more than this is followed in smaller steps
 _EQUAL = 1e-3  # of |λ|: the shapes of modes whose eigenvalues are closer than this may have mixed
@@ -60,9 +61,10 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
 
     The assignment minimises the sum of the costs 1 − MAC and x/(1 + x), where x is the relative change of λ in units of
     2 %. In a coupled pair λ, −λ* both shapes resemble both modes before. Then the growing mode continues the growing
-    one, or the one of lower frequency if the two modes were not coupled before. Where a pair couples or comes apart
-    shapes change abruptly, and within a multiple eigenvalue they are arbitrary: such modes are not doubtful. Nor are
-    those that decay without swinging: the many of a heavily damped problem mix from value to value.
+    one (as it does wherever two frequencies are nearly equal, since those of damped pairs are), or the one of lower
+    frequency if the two modes were not coupled before. Where a pair couples or comes apart shapes change abruptly, and
+    within a multiple eigenvalue they are arbitrary: such modes are not doubtful. Nor are those that decay without
+    swinging: the many of a heavily damped problem mix from value to value.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def match_modes(previous: Modes, current: Modes, M: sp.csr_array) -> Match:
     cost = 1 - assurance + moved
     # A mode that grows continues one that grows, if there is a choice: growth begins and ends only at onsets.
     changed = np.abs(_sign(previous)[:, None] - _sign(current)[None, :]) / 2
-    rows, columns = linear_sum_assignment(cost + changed)
+    rows, columns = linear_sum_assignment(cost + changed * _has_neighbour(current.lam))
     taken = np.full(len(current), np.inf)
     taken[columns] = cost[rows, columns]
     accepted = cost[rows, columns] < _NO_MATCH
@@ -151,6 +153,12 @@ def _order_pairs(
 
 def _sign(modes: Modes) -> np.ndarray:
     return np.where(np.abs(modes.lam.real) > modes.re_uncertainty, np.sign(modes.lam.real), 0.0)
+
+
+def _has_neighbour(lam: np.ndarray) -> np.ndarray:
+    """Return which modes, (k,) bool, have another one of nearly the same frequency."""
+    near = np.abs(lam.imag[:, None] - lam.imag[None, :]) <= _CHOICE * np.abs(lam)[:, None]
+    return np.asarray(near.sum(axis=1) > 1)
 
 
 def _energy(u: np.ndarray, Mu: np.ndarray) -> np.ndarray:

@@ -19,6 +19,8 @@ from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.eigen.pencil import Modes, Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from lumped import Minimal
 
 EPS = np.finfo(float).eps
@@ -173,3 +175,24 @@ def test_onset_within_one_step_of_the_sweep(tmp_path, record, crowd):
     assert abs(onset.value - CRITICAL) <= max(onset.uncertainty, 1e-14) < 1e-9
     assert onset.crossing_speed == pytest.approx(np.sqrt(10 * B) / (2 * np.sqrt(20.0)), rel=1e-6)
     record(digits(onset.value, CRITICAL), "one onset, by Newton's method on the double eigenvalue")
+
+
+@pytest.mark.parametrize("method", ["direct", "reduced"])
+@pytest.mark.parametrize(("coupling", "stiffer"), [(0.45, 2.0), (0.0245, 1.05)])
+def test_two_modes_that_cross_in_opposite_directions_at_once(coupling, stiffer, method):
+    """M = 1, K = [[1, μ], [−μ, k]], and C = p diag(1, 0.02): without damping both swing at ω² = (1 + k ± √D)/2 with
+    D = (k − 1)² − 4μ². Their shapes are so alike that each damper damps the one and drives the other, so that at
+    p = 0 one turns stable and the other unstable."""
+    K, F = np.diag([1.0, stiffer]), coupling * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    terms = [Term("m", "M", sp.eye_array(2, format="csr"), True), Term("k", "K", sp.csr_array(K), True),
+             Term("f", "K", sp.csr_array(F), False),
+             Term("c", "C", sp.csr_array(np.diag([1, 0.02])), True, {"p": 1})]  # fmt: skip
+    problem = Problem(tuple(terms), {"p": 0.0})
+    root = np.sqrt((stiffer - 1) ** 2 - 4 * coupling**2)
+    exact = np.sqrt((1 + stiffer + np.array([-root, root])) / 2)
+    for count in (2, 3, 4, 6):
+        result = fe_squeal.sweep(problem, np.linspace(-0.05, 0.05, count), "p", 2, method=method)
+        onsets = sorted(result.onsets, key=lambda o: o.frequency_hz)
+        assert [o.direction for o in onsets] == ["out of", "into"] and not result.warnings
+        np.testing.assert_allclose([2 * np.pi * o.frequency_hz for o in onsets], exact, rtol=1e-9)
+        assert all(abs(o.value) <= o.uncertainty < 1e-12 for o in onsets)

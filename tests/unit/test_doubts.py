@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from fe_squeal.sweep.balance import Census, unbalanced
+from fe_squeal.sweep.changes import Change
 from fe_squeal.sweep.doubts import Doubt, one_in_rounding, pairs_in_rounding, without_narrow_windows
 from fe_squeal.sweep.onset import Onset
+from fe_squeal.sweep.onsets import _told_apart
 
 _HZ = 100.0
 
@@ -72,12 +74,14 @@ def test_modes_that_rounding_moves_cannot_be_followed(apart, damped, told):
 
 def test_windows_narrower_than_their_ends_are_doubts():
     into, out = _onset(0.3, 1e-3), _onset(0.3015, 1e-3, "out of")
-    kept, doubts = without_narrow_windows([into, out, _onset(0.5, 1e-9)], 1e-6)
+    kept, doubts = without_narrow_windows([into, out, _onset(0.5, 1e-9)], 1e-6, 1.0)
     assert [o.value for o in kept] == [0.5]
     assert doubts == [Doubt(0.3, 0.3015, _HZ)]
     sure = [_onset(0.3, 1e-6), _onset(0.3015, 1e-6, "out of")]
-    assert without_narrow_windows(sure, 1e-6) == (sure, [])
-    assert without_narrow_windows([into, out], 1e-2) == ([], [])  # so narrow a window is not looked for
+    assert without_narrow_windows(sure, 1e-6, 1.0) == (sure, [])
+    assert without_narrow_windows([into, out], 1e-2, 1.0) == ([], [])  # so narrow a window is not looked for
+    other = _onset(0.3, 1e-9), _onset(0.3, 1e-9, "out of", 1.001 * _HZ)  # two modes, of two frequencies
+    assert without_narrow_windows(other, 1e-6, 1.0) == (list(other), [])
 
 
 def test_onsets_that_a_doubt_covers():
@@ -104,3 +108,13 @@ def test_a_crowd_of_unstable_modes_is_counted():
     told = unbalanced("mu", before, now, [], 1.01 * omega[-1])
     assert isinstance(told, str) and "7 modes become 4" in told
     assert unbalanced("mu", before, before, [], 1.01 * omega[-1]) == ""
+
+
+@pytest.mark.parametrize(("omega", "runs"), [((100.0, 101.0), 2), ((100.0, 100.05), 1), ((1e-4, 2e-4), 1)])
+def test_changes_at_one_value_are_one_only_if_their_frequencies_are(omega, runs):
+    """However high other modes are; but near zero a frequency is the root of rounding."""
+    none = np.zeros(2, complex)
+    changes = [Change("zero", 1, 0.3, 0.3, (0.2, 0.4), w**2, none, none, none[:, None]) for w in omega]
+    high = SimpleNamespace(lam=np.array([1e4j]))
+    step = SimpleNamespace(ends=(0.0, 1.0), modes_at_ends=(high, high), model=SimpleNamespace(terms=()))
+    assert len(_told_apart(step, changes)) == runs
