@@ -89,7 +89,9 @@ def scatter(
         name: table if isinstance(table, Distribution) else validated(Distribution, dict(table), name)
         for name, table in parameters.items()
     }
-    section = validated(StudySection, {"parameters": tables, "correlation": [list(c) for c in correlation]}, "scatter")
+    bands = None if bands is None else np.asarray(bands, float).tolist()
+    table = {"parameters": tables, "correlation": [list(c) for c in correlation], "bands": bands}
+    section = validated(StudySection, table | {"samples": int(samples), "seed": int(seed)}, "scatter")
     whole = Scatter.of(section.parameters, section.correlation)
     names, d = whole.names, len(whole.names)
     for name in names:

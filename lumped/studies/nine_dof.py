@@ -38,9 +38,10 @@ def _kc_notes(result: Curves) -> Notes:
 
 def _k_notes(result: Curves) -> Notes:
     case = result.cases[0]
+    end = next(low for low, high in case.unstable if low <= 4 <= high)
     return Notes(
-        f"At μ = 0.5, with k1 to k4 together, the system is unstable in {intervals(case)} N/m. The gaps hold the "
-        "stable ranges that the source names, 3 to 4 and 5 to 6 N/m.",
+        f"At μ = 0.5, with k1 to k4 together, the system is unstable in {intervals(case)} N/m. Of the stable ranges "
+        f"that the source names, 5 to 6 N/m lies in a gap, and 3 to 4 N/m does but for its end, from {end:.2f} on.",
         "Stability comes and goes with stiffness: between two tested values that are quiet there may be one that "
         "is not. Sweep finely, or look for the onsets themselves.",
     )

@@ -82,7 +82,9 @@ def _damped(c: float) -> Curves:
 
 
 def _damped_notes(c: float, result: Curves) -> Notes:
-    plain, damped, all_three = (m.critical_mu()[0] for m in (BASE, TwoMass(c1x=c, c2x=c), TwoMass(c1x=c, c2x=c, cy=c)))
+    model = TwoMass(c1x=c, c2x=c)
+    plain, damped, all_three = (m.critical_mu()[0] for m in (BASE, model, TwoMass(c1x=c, c2x=c, cy=c)))
+    trace = np.trace(np.linalg.solve(model.M, model.C))
     case = result.cases[1]
     ratio = float((-case.lam.real / np.abs(case.lam)).max())
     return Notes(
@@ -92,7 +94,7 @@ def _damped_notes(c: float, result: Curves) -> Notes:
         f"The claim of critical and overdamped regimes: over 0 ≤ μ ≤ 0.6 every |Im λ| ≥ {case.lam.imag.min():.4f} "
         f"rad/s, no damping ratio exceeds {ratio:.3f}, and the largest Re λ at μ = 0.6 is {case.growth[-1]:+.3f} "
         "rad/s, growing. Nor does friction make the real parts more negative: their sum over all six λ is "
-        f"−tr(M⁻¹C) = {-3 * c - c / 2:.3g} rad/s at every μ.",
+        f"−tr(M⁻¹C) = {-trace:.3g} rad/s at every μ.",
     )
 
 

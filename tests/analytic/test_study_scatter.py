@@ -275,6 +275,27 @@ def test_bands_beyond_the_range_that_is_solved_are_not_called_safe():
     assert few.bands["upper"].iloc[-1] < 0.3 and every.bands["high_hz"].iloc[-1] == 4000.0
 
 
+def test_overdamped_motions_are_no_reason_to_call_what_is_above_known():
+    """Of three motions one is overdamped, which is two real eigenvalues, one swings, and one grows above it."""
+    terms = (Term("mass", "M", sp.eye_array(3, format="csr"), True),
+             Term("elastic", "K", sp.csr_array(np.diag([1e6, 1e6, 4e6])), True),
+             Term("dampers", "C", sp.csr_array(np.diag([1e4, 1.0, 0.0])), True),
+             Term("drive", "C", sp.csr_array(np.diag([0.0, 0.0, -1.0])), True, {"c": 1}))  # fmt: skip
+    box = {"c": {"uniform": {"low": 0.5, "high": 1.5}}}
+    few, every = (scatter(Problem(terms, {"c": 1.0}), box, samples=16, indices=False, modes=m) for m in (1, 2))
+    assert few.known_hz == pytest.approx(1000 / (2 * np.pi), rel=1e-3) and few.probability == 0
+    assert np.isinf(every.known_hz) and every.probability == 1
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"bands": [4000.0, 2000.0, 1000.0]}, "edges that increase"), ({"bands": [1000.0]}, "bands"),
+    ({"seed": -1}, "seed"),
+])  # fmt: skip
+def test_what_a_scene_would_not_allow_is_refused(given, message):
+    with pytest.raises(SceneError, match=message):
+        scatter(two_modes(), UNIFORM, samples=16, **given)
+
+
 def test_samples_that_are_unstable_above_what_is_known_are_in_the_probability():
     """Of each sample one mode: its frequency, √(k (1 + δ/2)) of an unstable pair, is above that of a stable sample.
 
