@@ -32,8 +32,22 @@ def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, f
     wanted = scene.solve.modes or MODES
     if wanted >= result.problem.unknowns:
         return 0.0, None
+    return 0.0, _reached(result)
+
+
+def found_range(result: Sweep) -> tuple[float, float | None]:
+    """Return the same for a sweep of which it is not known what was asked for.
+
+    It ends at the highest frequency that the modes reach at every value. Its end is None where each value has all
+    2n eigenvalues of n unknowns: real ones, and those with Im λ > 0, which have a conjugate.
+    """
+    numbers = [2 * len(point.modes) - np.count_nonzero(point.modes.lam.imag == 0) for point in result.points]
+    return 0.0, None if min(numbers, default=0) >= 2 * result.problem.unknowns else _reached(result)
+
+
+def _reached(result: Sweep) -> float:
     tops = [float(point.modes.frequency_hz.max(initial=0.0)) for point in result.points if len(point.modes)]
-    return 0.0, min(tops, default=0.0)
+    return min(tops, default=0.0)
 
 
 def unstable_above(result: Sweep) -> Seen | None:

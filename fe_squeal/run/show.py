@@ -16,6 +16,7 @@ from ..report.figures import stability_figure
 from ..report.files import save_figure
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
+from .covered import above_text, found_range, unstable_above
 from .preload import grid_of
 from .record import mode_info
 from .view import view_axis
@@ -77,13 +78,16 @@ def html(result: Sweep) -> str:
     from ..report.results import Results
     from ..report.warnings import told_once
 
+    above = unstable_above(result)
+    beyond = [] if above is None else [above_text(above, result.parameter)]
     results = Results(
-        {"completeness": {"proven": result.completeness.proven}, "problem_class": result.problem.problem_class},
+        {"completeness": {"proven": result.completeness.proven}, "problem_class": result.problem.problem_class,
+         "frequency_range_hz": found_range(result)},
         result.to_dataframe(), result.onsets_dataframe(),
         result.contributions_dataframe(), result.sensitivities_dataframe(),
     )  # fmt: skip
     tables = interval_table(results) + onset_table(results)
-    return "".join(paragraph(s) for s in answer(results)) + tables + bullets(told_once(result.warnings))
+    return "".join(paragraph(s) for s in answer(results)) + tables + bullets([*beyond, *told_once(result.warnings)])
 
 
 def _fastest(result: Sweep, branch: int) -> tuple[SweepPoint, int]:

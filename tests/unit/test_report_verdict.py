@@ -136,10 +136,25 @@ ZERO = "Without damping their Re λ is zero within its uncertainty."
 ])  # fmt: skip
 def test_how_near_to_instability_the_modes_come(modes: tuple, kind: str | None, said: list[str]) -> None:
     """A marginal mode is called undamped only where nothing damps; else it may grow, and others have a distance."""
-    [words] = verdict.answer(stable(*modes, problem_class=kind))
+    [words] = verdict.answer(stable(*modes, problem_class=kind, frequency_range_hz=[0.0, None]))
     start = "Nothing squeals at any frequency of the model: no mode is "
     surely = "surely " if "not decided" in said[0] else ""
     assert words == " ".join([f"{start}{surely}unstable for μ = 0.3.", *said])
+
+
+@pytest.mark.parametrize(("covered", "where"), [
+    ([0.0, None], "at any frequency of the model"),
+    ([0.0, 6000.0], "below 6.00 kHz"),
+    ([0.0, 0.0], "below 0 Hz"),
+    (None, "among the computed modes"),
+])  # fmt: skip
+def test_all_frequencies_are_meant_only_where_the_record_says_so(covered: list | None, where: str) -> None:
+    """A record that is missing or damaged, or has no range, says nothing of modes that were not solved for."""
+    record = {} if covered is None else {"frequency_range_hz": covered}
+    assert verdict.answer(stable(LOUD, **record))[0].startswith(f"Nothing squeals {where}: no mode is unstable for ")
+    said = verdict.answer(results(*PAIRS, record=record))[0]
+    told = f"All modes are known {where}." if covered == [0.0, 0.0] else f"2 modes are unstable {where} for"
+    assert told in said
 
 
 def test_growth_whose_error_of_the_mesh_is_not_known_is_marked_everywhere() -> None:

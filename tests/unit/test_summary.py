@@ -96,6 +96,17 @@ def test_an_unstable_mode_above_the_range_is_mentioned(block, method):
     text = summary(few, result)
     assert "No onset of instability below 31.83 Hz" in text
     assert "above the range that was asked for a mode is unstable: 48" in text
+    shown = result._repr_html_()
+    assert "Nothing squeals below 31.83 Hz: no mode is" in shown
+    assert "above the range that was asked for a mode is unstable: 48" in shown
+
+
+def test_a_notebook_tells_where_all_modes_are_known():
+    """As many as there are: any frequency. Fewer: the range ends at the highest that every value has."""
+    problem = pair_above_others()
+    for modes, words in ((14, "at any frequency of the model"), (4, "below 48.07 Hz")):
+        shown = fe_squeal.sweep(problem, [0.0, 0.1, 0.4], modes=modes)._repr_html_()
+        assert f"1 mode is unstable {words} for" in shown
 
 
 @pytest.mark.slow

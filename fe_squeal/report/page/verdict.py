@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol, total_uncertainty
+from fe_squeal.report.branches import covered_text, frequency_text, numbers, parameter_symbol, total_uncertainty
 from fe_squeal.report.looks import body_text, diameters_text, way_text
 from fe_squeal.report.onsets import mesh_errors, refined_only
 from fe_squeal.report.results import Results
@@ -118,8 +118,9 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     symbol, values = parameter_symbol(results.parameter), numbers(results.modes, "value")
     span = f"{symbol} = {values.min():.4g}" if values.min() == values.max() else (
         f"{symbol} from {values.min():.4g} to {values.max():.4g}")  # fmt: skip
-    top = (results.record.get("frequency_range_hz") or [0.0, None])[1]
-    where = f" below {frequency_text(top)}" if top else " at any frequency of the model"
+    covered = results.record.get("frequency_range_hz")
+    top = covered[1] if covered else None
+    where = f" {covered_text(covered)}" if covered else " among the computed modes"
     branches = list({row.branch: row for row in reversed(intervals)}.values())
     if not branches:
         near = _nearest(results, symbol)
@@ -134,7 +135,7 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     count = "1 mode is" if len(branches) == 1 else f"{len(branches)} modes are"
     noises = {row.noise for row in branches if row.noise}
     word = "It squeals" if not noises or "squeal" in noises else "It is unstable"
-    beyond = any(peak_hz(results, row) > top for row in branches) if top else False
+    beyond = any(peak_hz(results, row) > top for row in branches) if top is not None else False
     if beyond:  # a mode may be beyond the range that is known at all values, and inside that of its own value
         return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
     return f"{word}: {count} unstable{where} for {span}: {named}{more}."
