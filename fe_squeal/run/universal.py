@@ -126,8 +126,12 @@ def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, where: str)
     i = 0 if len(shapes) == 1 or frequency_hz is None else int(np.argmin(np.abs(hz - frequency_hz)))
     s = shapes[i]
     u = np.stack([np.asarray(s[name], dtype=complex) for name in ("r1", "r2", "r3")], axis=1)
+    notes = []
+    if np.imag(s.get("eig") or 0.0) < 0:  # the motion is Re u e^(λt), which is that of u* and λ*
+        u = u.conj()
+        notes.append("the file has it for an eigenvalue with Im λ < 0, so its conjugate is taken")
     rows = {int(node): row for node, row in zip(s["node_nums"], u, strict=True)}
-    return Lines(rows, float(hz[i]), (float(hz.min()), float(hz.max())), [])
+    return Lines(rows, float(hz[i]), (float(hz.min()), float(hz.max())), notes)
 
 
 def _hertz(s: dict[str, Any]) -> float:

@@ -51,6 +51,14 @@ def shape_55(hz: float, u: np.ndarray) -> dict:
     )  # fmt: skip
 
 
+def mode_55(lam: complex, u: np.ndarray) -> dict:
+    """Return a complex mode, with its eigenvalue."""
+    return pyuff.prepare_55(
+        model_type=1, analysis_type=7, data_ch=2, spec_data_type=8, load_case=0, mode_n=1, eig=lam, modal_a=0j,
+        modal_b=0j, data_type=5, n_data_per_node=3, node_nums=NODES, r1=u[:, 0], r2=u[:, 1], r3=u[:, 2],
+    )  # fmt: skip
+
+
 def responses(to: tuple[int, int], count: int = 8, size: complex = 1.0, axis: int = 3) -> list[dict]:
     return [function((NODES[i], axis), to, size * SHAPE[i, axis - 1]) for i in range(count)]
 
@@ -134,6 +142,22 @@ def test_exchanged_channels_of_operating_data(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"has references .*, and none has all"):
         read_lines([{**f, "func_type": 5, "rsp_node": 30 + i % 2} for i, f in enumerate(ratios)], 600.0, None, "a.unv")
     assert len(read_lines([{**f, "func_type": 5} for f in ratios], 600.0, None, "a.unv").rows) == 1
+
+
+def test_the_mode_of_a_conjugate_eigenvalue_is_conjugated(tmp_path: Path) -> None:
+    """A wave exp(i(ωt − 2φ)) around the axis is kept as its shape with λ or as the conjugate with λ*: both travel the
+    same way, and a wave that travels the other way is orthogonal to it."""
+    wave = np.zeros((8, 3), complex)
+    wave[:, 2] = np.exp(-2j * np.pi * 2 * np.arange(8) / 8)
+    wave[:, :2] = 0.1 * wave[:, 2:]
+    lam = -5.0 + 2j * np.pi * 600.0
+    for sets in ([mode_55(lam.conjugate(), wave.conj())], [mode_55(lam.conjugate(), wave.conj()), mode_55(lam, wave)]):
+        found = read(tmp_path, [points_2411(), *sets])
+        assert likeness(found, wave) == pytest.approx(1.0) and likeness(found, wave.conj()) < 1e-9
+        assert found.hz == pytest.approx(600.0, rel=1e-5)
+        assert found.notes == ("the file has it for an eigenvalue with Im λ < 0, so its conjugate is taken",)
+    plain = read(tmp_path, [points_2411(), mode_55(lam, wave)])
+    assert likeness(plain, wave) == pytest.approx(1.0) and plain.notes == ()
 
 
 def rotation() -> np.ndarray:
