@@ -127,6 +127,11 @@ def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, where: str)
     s = shapes[i]
     u = np.stack([np.asarray(s[name], dtype=complex) for name in ("r1", "r2", "r3")], axis=1)
     notes = []
+    unused = np.flatnonzero(~u.any(axis=0))
+    if 0 < len(unused) < 3:  # the format has three components in any case, "with unused values = 0"
+        u[:, unused] = np.nan
+        which = " and ".join("xyz"[a] for a in unused)
+        notes.append(f"it is 0 along {which} at all nodes, which is taken as not measured")
     if np.imag(s.get("eig") or 0.0) < 0:  # the motion is Re u e^(λt), which is that of u* and λ*
         u = u.conj()
         notes.append("the file has it for an eigenvalue with Im λ < 0, so its conjugate is taken")

@@ -17,8 +17,9 @@ class Measured(Section):
     x, y, z of each point, and of the displacement ux_re, ux_im, uy_re, uy_im, uz_re, uz_im, as many as were measured;
     without an imaginary part it is zero. Universal files (.unv, .uff) have points in data set 2411 or 15 and shapes in
     55, or frequency responses in 58, of which the line nearest to `frequency_hz` is taken; `frequency_hz` has to be in
-    the measured range. Points and displacements may be in coordinate systems of data set 2420. Of a roving hammer the
-    points of excitation are those of the shape.
+    the measured range. A component that is 0 at all nodes of a shape in 55 counts as not measured. Points and
+    displacements may be in coordinate systems of data set 2420. Of a roving hammer the points of excitation are those
+    of the shape.
 
     Attributes
     ----------

@@ -160,6 +160,24 @@ def test_the_mode_of_a_conjugate_eigenvalue_is_conjugated(tmp_path: Path) -> Non
     assert likeness(plain, wave) == pytest.approx(1.0) and plain.notes == ()
 
 
+@pytest.mark.parametrize("axes", [[2], [0, 2], [0, 1, 2]])
+def test_components_that_are_zero_everywhere_were_not_measured(tmp_path: Path, axes: list[int]) -> None:
+    """A laser sees one direction, and the format fills up with zeros: its MAC with the same motion is 1, along the
+    axes of the nodes, which are turned here. A shape that is zero as a whole stays so."""
+    own = systems_2420(0)
+    [matrix] = own["CS_matrices"]
+    local, seen = SHAPE @ matrix[:3].T, np.zeros_like(SHAPE)
+    seen[:, axes] = local[:, axes]
+    found = read(tmp_path, [own, points_2411(POINTS, 0, 7), shape_55(600.0, seen)])
+    assert likeness(found) == pytest.approx(1.0)
+    assert np.isfinite(found.u).all(axis=0).tolist() == [a in axes for a in range(3)]
+    lost = " and ".join("xyz"[a] for a in range(3) if a not in axes)
+    said = f"it is 0 along {lost} at all nodes, which is taken as not measured"
+    assert found.notes == ((said,) if lost else ())
+    still = read(tmp_path, [points_2411(), shape_55(600.0, 0 * SHAPE)])
+    assert not still.u.any() and still.notes == ()
+
+
 def rotation() -> np.ndarray:
     q, _ = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))
     return q * np.sign(np.linalg.det(q))
@@ -227,7 +245,7 @@ def test_a_cylindrical_system_as_it_is_written(tmp_path: Path) -> None:
     """Points on the y axis of the system: its first direction is the file's y, its second the file's -x."""
     rows = "".join(f"{v[0]:25.16E}{v[1]:25.16E}{v[2]:25.16E}\n".replace("E", "D") for v in [*np.eye(3), np.zeros(3)])
     points = "".join(f"{n:10d}{1:10d}{4:10d}{1:10d}\n{0:25.16E}{n:25.16E}{0:25.16E}\n" for n in (1, 2, 3))
-    shape = "".join(f"{n:10d}\n{n:13.5E}{0.5:13.5E}{0:13.5E}\n" for n in (1, 2, 3))
+    shape = "".join(f"{n:10d}\n{n:13.5E}{0.5:13.5E}{0.25:13.5E}\n" for n in (1, 2, 3))
     head = "NONE\n" * 5 + f"{1:10d}{2:10d}{2:10d}{8:10d}{2:10d}{3:10d}\n{2:10d}{4:10d}{0:10d}{1:10d}\n"
     text = (
         f"    -1\n  2420\n{1:10d}\nPart\n{4:10d}{1:10d}{8:10d}\nturned\n{rows}    -1\n    -1\n  2411\n{points}    -1\n"
@@ -236,7 +254,7 @@ def test_a_cylindrical_system_as_it_is_written(tmp_path: Path) -> None:
     (tmp_path / "written.unv").write_text(text)
     found = read_universal(tmp_path / "written.unv", 600.0, None, "file")
     u = np.einsum("pi,pij->pj", found.u, found.axes)
-    np.testing.assert_allclose(u, [[-0.5, n, 0] for n in (1, 2, 3)], atol=1e-12)
+    np.testing.assert_allclose(u, [[-0.5, n, 0.25] for n in (1, 2, 3)], atol=1e-12)
     np.testing.assert_allclose(found.points, [[0, n, 0] for n in (1, 2, 3)])
     assert found.notes == ("coordinate system 1, which the file does not define, is taken as the file's axes",)
 
