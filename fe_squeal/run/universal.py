@@ -119,14 +119,21 @@ def _distance(found: Lines, frequency_hz: float | None, what: str, where: str) -
 
 def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, where: str) -> Lines:
     hz = np.array([_hertz(s) for s in shapes])
-    if len(shapes) > 1 and (frequency_hz is None or np.isnan(hz).any()):
-        known = ", ".join(f"{f:.5g}" for f in hz)
-        found = f"{where} has {len(shapes)} shapes, at {known} Hz"
+    known = hz[np.isfinite(hz)]
+    if len(shapes) > 1 and not len(known):
+        raise SceneError(
+            f"{where} has {len(shapes)} shapes, none with its frequency; expected frequencies above 0, or one shape"
+        )
+    if len(shapes) > 1 and frequency_hz is None:
+        listed = ", ".join(f"{f:.5g}" for f in hz)
+        found = f"{where} has {len(shapes)} shapes, at {listed} Hz"
         raise SceneError(f"{found}; expected frequency_hz beside the file, to choose by")
-    i = 0 if len(shapes) == 1 or frequency_hz is None else int(np.argmin(np.abs(hz - frequency_hz)))
+    i = 0 if len(shapes) == 1 or frequency_hz is None else int(np.nanargmin(np.abs(hz - frequency_hz)))
     s = shapes[i]
     u = np.stack([np.asarray(s[name], dtype=complex) for name in ("r1", "r2", "r3")], axis=1)
     notes = []
+    if 0 < len(known) < len(shapes):
+        notes.append(f"shapes of the file without a frequency: {len(shapes) - len(known)}; they are left out")
     unused = np.flatnonzero(~u.any(axis=0))
     if 0 < len(unused) < 3:  # the format has three components in any case, "with unused values = 0"
         u[:, unused] = np.nan
@@ -136,7 +143,7 @@ def _shape(shapes: list[dict[str, Any]], frequency_hz: float | None, where: str)
         u = u.conj()
         notes.append("the file has it for an eigenvalue with Im λ < 0, so its conjugate is taken")
     rows = {int(node): row for node, row in zip(s["node_nums"], u, strict=True)}
-    return Lines(rows, float(hz[i]), (float(hz.min()), float(hz.max())), notes)
+    return Lines(rows, float(hz[i]), (float(known.min(initial=np.inf)), float(known.max(initial=0.0))), notes)
 
 
 def _hertz(s: dict[str, Any]) -> float:

@@ -298,6 +298,21 @@ def test_a_line_far_from_the_frequency_is_told(tmp_path: Path) -> None:
     assert alone.hz is None and alone.warnings == ()
 
 
+def test_shapes_without_a_frequency_stand_back(tmp_path: Path) -> None:
+    """Programs write 0 Hz for one that is not known, such as the mean of a test: it takes no other's place."""
+    other, odd = RNG.standard_normal((2, 8, 3)) + 0j
+    sets = [points_2411(), shape_55(0.0, odd), shape_55(400.0, other), shape_55(600.0, SHAPE)]
+    found = read(tmp_path, sets, 605.0)
+    assert found.hz == 600.0 and likeness(found) == pytest.approx(1.0)
+    assert found.notes == ("shapes of the file without a frequency: 1; they are left out",)
+    with pytest.raises(SceneError, match="has 2 shapes, none with its frequency; expected"):
+        read(tmp_path, [points_2411(), shape_55(0.0, odd), shape_55(0.0, other)], 605.0)
+    with pytest.raises(SceneError, match="has shapes from 400 to 600 Hz; given frequency_hz = 900"):
+        read(tmp_path, sets, 900.0)
+    with pytest.raises(SceneError, match=r"has 3 shapes, .* expected frequency_hz beside the file"):
+        read(tmp_path, sets, None)
+
+
 def test_what_was_chosen_reaches_the_console(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sets = [points_2411(), *responses((10, 3)), *responses((50, 3))]
     pyuff.UFF(str(tmp_path / "test.unv")).write_sets(sets, mode="overwrite")
