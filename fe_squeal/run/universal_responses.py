@@ -16,6 +16,8 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 # and functions of a type that was not said. Files have coherences and power spectra beside them.
 _KINDS = (4, 5, 3, 12, 0)
 _RESPONSE, _CROSS, _UNKNOWN = 4, 3, 0
+_QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force"}  # by the number in the file
+_DERIVATIVES = {8: 0, 11: 1, 12: 2}  # each is one more factor iω, as motion is Re u e^(iωt)
 _MOST = 8  # references that are named in a sentence
 
 
@@ -43,12 +45,15 @@ class Lines:
 
 @dataclass(frozen=True)
 class _Function:
+    """A data set 58; `quantities` are the numbers of what the response and the reference are, see `_QUANTITIES`."""
+
     reference: Freedom
     response: Freedom
     sign: float
     x: np.ndarray
     data: np.ndarray
     kind: int
+    quantities: tuple[int, int]
 
 
 def read_lines(
@@ -58,7 +63,8 @@ def read_lines(
 
     Where one response stands still while the references move, as under a roving hammer, the references are the points:
     a linear structure at rest answers at j to a force at k as at k to the same force at j. Of cross spectra the
-    conjugate is that of both exchanged; transmissibilities have no such law.
+    conjugate is that of both exchanged; transmissibilities have no such law. Where displacements, velocities and
+    accelerations stand beside each other all are made displacements.
 
     Parameters
     ----------
@@ -73,17 +79,22 @@ def read_lines(
     Raises
     ------
     SceneError
-        No frequency is given, there is no response along x, y or z, or no reference has all points.
+        No frequency is given, there is no response along x, y or z, no reference has all points, or the responses are
+        of several quantities that are not all motions.
     """
     if frequency_hz is None:
         raise SceneError(f"{where} has frequency responses; expected frequency_hz beside the file, to read at")
     functions = _functions(responses, where)
     moving, notes = _chosen(functions, reference, where)
+    mixed = _mixed(list(moving.values()), where)
+    if mixed:
+        notes.append(f"{mixed} stand beside each other, and all are made displacements")
     rows: dict[int, np.ndarray] = {}
     hz = frequency_hz
     for (node, axis), f in moving.items():
         line = int(np.argmin(np.abs(f.x - frequency_hz)))
-        rows.setdefault(node, np.full(3, np.nan + 0j))[axis] = f.sign * complex(f.data[line])
+        factor = _factor(f, float(f.x[line])) if mixed else 1.0
+        rows.setdefault(node, np.full(3, np.nan + 0j))[axis] = f.sign * complex(f.data[line]) / factor
         hz = max(hz, float(f.x[line]), key=lambda found: abs(found - frequency_hz))
     limits = max(float(f.x.min()) for f in moving.values()), min(float(f.x.max()) for f in moving.values())
     return Lines(rows, hz, limits, notes)
@@ -102,8 +113,9 @@ def _functions(responses: Sequence[dict[str, Any]], where: str) -> list[_Functio
             continue
         sign = float(np.sign(along) * (np.sign(by) or 1))
         reference, response = (int(s["ref_node"]), abs(by) - 1), (int(s["rsp_node"]), abs(along) - 1)
+        quantities = int(s.get("ordinate_spec_data_type") or 0), int(s.get("orddenom_spec_data_type") or 0)
         found.append(_Function(reference, response, sign, np.asarray(s["x"], dtype=float), np.asarray(s["data"]),
-                               kind))
+                               kind, quantities))
     if not found:
         raise SceneError(f"{where} has no response along x, y or z")
     return found
@@ -118,7 +130,7 @@ def _chosen(
     for f in functions:
         responses.setdefault(f.reference, {}).setdefault(f.response, f)
         if 0 <= f.reference[1] <= 2 and f.kind in (_RESPONSE, _CROSS, _UNKNOWN):
-            exchanged = replace(f, data=f.data.conj()) if f.kind == _CROSS else f
+            exchanged = replace(f, data=f.data.conj(), quantities=f.quantities[::-1]) if f.kind == _CROSS else f
             references.setdefault(f.response, {}).setdefault(f.reference, exchanged)
     roving = max(map(len, references.values()), default=0) > max(map(len, responses.values()))
     groups = references if roving else responses
@@ -147,6 +159,31 @@ def _chosen(
     if again > 0:
         notes.append(f"functions that are there again: {again}; the first of each is taken")
     return groups[taken], notes
+
+
+def _mixed(functions: Sequence[_Function], where: str) -> str:
+    """Return the names of the quantities that differ among functions; "" if all are alike.
+
+    Raises
+    ------
+    SceneError
+        Responses, or references, are of several quantities, and not all of these are motions.
+    """
+    several = [found for found in (sorted(set(q)) for q in zip(*(f.quantities for f in functions), strict=True))
+               if len(found) > 1]  # fmt: skip
+    names = ", ".join(dict.fromkeys(_QUANTITIES.get(q, f"type {q}") for found in several for q in found))
+    if any(q not in _DERIVATIVES for found in several for q in found):
+        raise SceneError(
+            f"{where} has functions of several quantities in one shape: {names}; expected one quantity, or"
+            " displacements (8), velocities (11) and accelerations (12)"
+        )
+    return names
+
+
+def _factor(f: _Function, hz: float) -> complex:
+    """Return the factor of a function over that between displacements: u_j / u_k, or u_j u_k* of a cross spectrum."""
+    response, reference = ((2j * np.pi * hz) ** _DERIVATIVES.get(q, 0) for q in f.quantities)
+    return response * reference.conjugate() if f.kind == _CROSS else response / reference
 
 
 def _known(groups: Mapping[Freedom, Mapping[Freedom, _Function]], what: str) -> str:

@@ -32,15 +32,18 @@ def points_2411(points: np.ndarray = POINTS, definition: int = 0, displacement: 
     )
 
 
-def function(response: tuple[int, int], reference: tuple[int, int], value: complex, kind: int = 4) -> dict:
-    """Return a data set 58: nodes and directions, and the value at the second of three lines."""
+def function(
+    response: tuple[int, int], reference: tuple[int, int], value: complex, kind: int = 4,
+    quantities: tuple[int, int] = (12, 13),
+) -> dict:  # fmt: skip
+    """Return a data set 58: nodes and directions, the value at the second of three lines, and what both are."""
     return pyuff.prepare_58(
         binary=0, func_type=kind, rsp_node=int(response[0]), rsp_dir=response[1], ref_node=int(reference[0]),
         ref_dir=reference[1], data=value * np.array([0.3, 1.0, 0.2j]), x=HZ, id1="frf", rsp_ent_name="p",
         ref_ent_name="p", abscissa_spacing=1, ord_data_type=6, num_pts=3, abscissa_min=HZ[0], abscissa_inc=100.0,
         z_axis_value=0.0, abscissa_spec_data_type=18, abscissa_len_unit_exp=0, abscissa_force_unit_exp=0,
-        abscissa_temp_unit_exp=0, ordinate_spec_data_type=12, ordinate_len_unit_exp=0, ordinate_force_unit_exp=0,
-        ordinate_temp_unit_exp=0, orddenom_spec_data_type=13,
+        abscissa_temp_unit_exp=0, ordinate_spec_data_type=quantities[0], ordinate_len_unit_exp=0,
+        ordinate_force_unit_exp=0, ordinate_temp_unit_exp=0, orddenom_spec_data_type=quantities[1],
     )  # fmt: skip
 
 
@@ -49,6 +52,42 @@ def shape_55(hz: float, u: np.ndarray) -> dict:
         model_type=1, analysis_type=5, data_ch=2, spec_data_type=8, load_case=0, freq_step_n=1, freq=hz, data_type=5,
         n_data_per_node=3, node_nums=NODES, r1=u[:, 0], r2=u[:, 1], r3=u[:, 2],
     )  # fmt: skip
+
+
+W = 2j * np.pi * 600.0
+FACTORS = {8: 1.0, 11: W, 12: W**2, 13: 1.0}  # of u e^(iωt): displacement, velocity, acceleration; and a force
+
+
+@pytest.mark.parametrize("kind", ["responses", "roving hammer", "transmissibility", "exchanged cross spectra"])
+def test_displacements_velocities_and_accelerations_beside_each_other(kind: str) -> None:
+    """A laser vibrometer beside accelerometers: derivatives of one motion in time have the factors 1, iω and (iω)²."""
+    sets = []
+    for i, n in enumerate(NODES):
+        q, u = (8, 11, 12)[i % 3], SHAPE[i, 2]
+        if kind == "responses":
+            sets.append(function((n, 3), (10, 3), FACTORS[q] * u, 4, (q, 13)))
+        elif kind == "roving hammer":
+            sets.append(function((30, 3), (n, 3), FACTORS[q] * u, 4, (q, 13)))
+        elif kind == "transmissibility":
+            sets.append(function((n, 3), (10, 3), FACTORS[12] * u / FACTORS[q], 4, (12, q)))
+        else:
+            sets.append(function((30, 3), (n, 3), FACTORS[12] * SHAPE[2, 2] * np.conj(FACTORS[q] * u), 3, (12, q)))
+    if kind == "transmissibility":  # which pyuff does not write
+        sets = [{**f, "func_type": 5} for f in sets]
+    found = read_lines(sets, 600.0, None, "a.unv")
+    assert mac(np.array([found.rows[int(n)][2] for n in NODES]), SHAPE[:, 2]) == pytest.approx(1.0)
+    said = "displacement, velocity, acceleration stand beside each other, and all are made displacements"
+    assert found.notes[-1] == said
+
+
+def test_quantities_that_are_all_alike_stay_and_others_are_refused(tmp_path: Path) -> None:
+    for q in (0, 8, 11, 12):
+        found = read(tmp_path, [points_2411(), *(function((n, 3), (10, 3), 2.0, 4, (q, 13)) for n in NODES)])
+        assert found.notes == () and (found.u[:, 2] == 2.0).all()
+    for pair, names in (((12, 0), "type 0, force"), ((3, 13), "type 3, acceleration"), ((0, 13), "type 0, acc")):
+        sets = [function((n, 3), (10, 3), 2.0, 4, pair if n == 30 else (12, 13)) for n in NODES]
+        with pytest.raises(SceneError, match=f"has functions of several quantities in one shape: {names}"):
+            read(tmp_path, [points_2411(), *sets])
 
 
 def mode_55(lam: complex, u: np.ndarray) -> dict:
