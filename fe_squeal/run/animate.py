@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from .view import Z_AXIS
 def animate_folder(folder: Path, branch: int | None, file: Path | None, console: Console) -> int:
     """Write a film of every shape of a run, beside the shape's file, or of the shape of one branch to a given file.
 
+    Of a branch that has shapes at several values the given file takes the one where it grows fastest.
+
     Raises
     ------
     OutputError
@@ -24,6 +27,7 @@ def animate_folder(folder: Path, branch: int | None, file: Path | None, console:
     """
     from ..report.animation import FORMATS
     from ..report.results import read_record
+    from ..report.shape_names import shape_title
 
     if file is not None and file.suffix.lower() not in FORMATS:
         known = " or ".join(FORMATS)
@@ -31,14 +35,20 @@ def animate_folder(folder: Path, branch: int | None, file: Path | None, console:
     record, lacks = read_record(folder / RECORD)
     shapes = _shapes(folder, branch, _looks(record))
     tell(lacks, console)
-    if file is not None and len(shapes) > 1:
-        known = ", ".join(f"{info['branch']:.0f}" for _, info in shapes if "branch" in info)
-        raise OutputError(f"{file}: given one file for {len(shapes)} shapes; expected --branch with one of {known}")
+    several = file is not None and len(shapes) > 1
+    if several and branch is None:
+        raise OutputError(
+            f"{file}: given one file for {len(shapes)} shapes; expected --branch with one of {_branches(shapes)}"
+        )
     axis = (record.get("axis") or {}).get("direction") or Z_AXIS
     if file is not None:
         if file.exists():
             raise OutputError(f"{file}: exists already; it is not replaced: remove it, or give another file by -o")
-        _write(shapes[0], file, axis, console)
+        fastest = max(shapes, key=lambda shape: float(shape[1].get("re", -math.inf)))
+        if several:
+            taken = shape_title(fastest[1]).splitlines()[0]
+            console.print(f"note: of {len(shapes)} shapes that with the largest Re λ is taken: {taken}", markup=False)
+        _write(fastest, file, axis, console)
         return 0
     with hold_folder(folder):
         for shape in shapes:
@@ -74,9 +84,13 @@ def _shapes(folder: Path, branch: int | None, looks: dict[Any, dict[str, Any]]) 
         found.append((file, info | looks.get((info.get("branch"), info.get("value")), {})))
     chosen = [(f, i) for f, i in found if branch is None or i.get("branch") == branch]
     if not chosen:
-        known = ", ".join(sorted({f"{i['branch']:.0f}" for _, i in found if "branch" in i}, key=int)) or "none"
+        known = _branches(found) or "none"
         raise OutputError(f"{folder / SHAPES}: given branch {branch}; expected one with a shape: {known}")
     return chosen
+
+
+def _branches(shapes: list[tuple[Path, dict[str, Any]]]) -> str:
+    return ", ".join(sorted({f"{info['branch']:.0f}" for _, info in shapes if "branch" in info}, key=int))
 
 
 def _looks(record: dict[str, Any]) -> dict[Any, dict[str, Any]]:

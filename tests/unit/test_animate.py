@@ -14,6 +14,8 @@ from scene_texts import replaced, write_scene
 
 from fe_squeal.cli import main
 from fe_squeal.report import animation
+from fe_squeal.report.results import read_shape
+from fe_squeal.report.vtk_files import write_shape
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +132,29 @@ def test_a_damaged_record_costs_its_words_alone(
     assert main(["animate", str(folder)]) == 0
     assert len(titles) == 1 and titles[0].startswith("branch 1:  7")
     assert ("block 100 %" in titles[0]) == (key in ("axis", "nodal_diameters", "other_share"))
+
+
+def test_of_several_shapes_of_a_branch_the_fastest_growing_is_filmed(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As with shapes = "all", which adds those at the last value; a file without a branch needs one."""
+    titles = []
+
+    def written(shape: Path, path: Path, title: str, axis: object) -> None:
+        titles.append(title)
+        path.write_bytes(b"film")
+
+    monkeypatch.setattr(animation, "write_film", written)
+    [file] = (out / "shapes").glob("*.vtu")
+    grid, shape = read_shape(file)
+    for value, re in ((0.2, 3.0), (0.3, 80.0), (0.7, -9.0)):
+        write_shape(grid, shape.u, tmp_path / f"shapes/{value}.vtu", shape.info | {"value": value, "re": re})
+    assert main(["animate", str(tmp_path), "--branch", "1", "-o", str(tmp_path / "one.gif")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "note: of 3 shapes that with the largest Re λ is taken: branch 1: " in printed and "μ = 0.30" in printed
+    assert len(titles) == 1 and "Re λ = +80 1/s" in titles[0]
+    assert main(["animate", str(tmp_path), "-o", str(tmp_path / "other.gif")]) == 2
+    assert "given one file for 3 shapes; expected --branch with one of 1" in capsys.readouterr().err
 
 
 def test_a_folder_without_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
