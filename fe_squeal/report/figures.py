@@ -35,7 +35,7 @@ from fe_squeal.report.growth import segments
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.looks import body_text, short_diameters
 from fe_squeal.report.notebook import NotebookFigure
-from fe_squeal.report.onsets import mesh_states, refined_only, vanishing
+from fe_squeal.report.onsets import mesh_states, partings, refined_only, vanishing
 
 MAX_LABELLED_ONSETS = 12
 MAX_LEGEND_ENTRIES = 26
@@ -125,8 +125,9 @@ def plot_root_locus(
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
-    The unstable half plane is shaded, onsets are marked. Real eigenvalues far outside of the range of the others, and a
-    few that decay much faster than these, are not shown but counted in a note: they would squeeze the others together.
+    The unstable half plane is shaded, onsets are marked, but not where modes that grow already meet or part. Real
+    eigenvalues far outside of the range of the others, and a few that decay much faster than these, are not shown but
+    counted in a note: they would squeeze the others together.
 
     Parameters
     ----------
@@ -153,7 +154,8 @@ def plot_root_locus(
         figure.colorbar(points, ax=axes, label=parameter_label(parameter_name(modes)), pad=0.02)
     elif len(value):
         notes.append(f"{figure_text(parameter_symbol(parameter_name(modes)))} = {value[0]:.6g}")
-    markers = _mark_onsets(axes, onsets, np.zeros(len(onsets)), numbers(onsets, "frequency_hz") / per_unit, 3.5)
+    still = onsets[~partings(onsets)]  # Re λ is 0 at these
+    markers = _mark_onsets(axes, still, np.zeros(len(still)), numbers(still, "frequency_hz") / per_unit, 3.5)
 
     axes.set_xlim(*limits)
     axes.set_ylim(*_frequency_limits(modes, onsets, per_unit))
@@ -212,18 +214,21 @@ def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: 
 def _mark_onsets(axes: Axes, onsets: pd.DataFrame, x: Floats, y: Floats, size: float = 6.0) -> list[Line2D]:
     """Draw the onsets, and return an entry for the legend for each kind that occurs.
 
-    Those of the refined mesh alone, which are not the sweep's own, are grey diamonds, and those that vanish there are
-    crossed.
+    Where modes that grow already meet or part there is a triangle. Onsets of the refined mesh alone, which are not the
+    sweep's own, are grey diamonds, and those that vanish there are crossed.
     """
     handles = []
-    alone, gone = refined_only(onsets), vanishing(onsets)
+    alone, gone, parting = refined_only(onsets), vanishing(onsets), partings(onsets)
     kinds = onsets["kind"] if "kind" in onsets else pd.Series("flutter", index=onsets.index)
     directions = onsets["direction"] if "direction" in onsets else pd.Series("into", index=onsets.index)
     for (kind, direction), (marker, face) in _MARKERS.items():
-        rows = np.asarray((kinds == kind) & (directions == direction) & ~alone, dtype=bool)
+        rows = np.asarray((kinds == kind) & (directions == direction) & ~alone & ~parting, dtype=bool)
         if rows.any():
             handles += axes.plot(x[rows], y[rows], marker, mfc=face, mec="black", ms=size, zorder=8, clip_on=False,
                                  label=f"{kind}: {direction} instability")
+    if (rows := parting & ~alone).any():
+        handles += axes.plot(x[rows], y[rows], "v", mfc="white", mec="black", ms=size, zorder=8, clip_on=False,
+                             label="growing modes meet or part")
     grey: dict[str, Any] = {"mfc": "none", "mec": "0.45", "zorder": 9, "clip_on": False}
     for rows, marker, times, label in ((alone, "D", 1.0, "on the refined mesh alone"),
                                        (gone, "x", 2.0, "vanishes on the refined mesh")):  # fmt: skip

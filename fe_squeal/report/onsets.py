@@ -1,4 +1,4 @@
-"""What the refined mesh says of the onsets of a sweep: their error, and which of them only one of the meshes has."""
+"""Onsets at which growth goes on, and what the refined mesh says of onsets: their error, which one mesh alone has."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ import pandas as pd
 from fe_squeal.report.branches import Bools, numbers
 
 REFINED_ONLY, VANISHES = "refined only", "vanishes refined"
+
+
+def partings(onsets: pd.DataFrame) -> Bools:
+    """Return (n,) bool, where two modes that grow already meet or part: growth neither begins nor ends there."""
+    return np.asarray(onsets["law"] == "parting", bool) if "law" in onsets else np.zeros(len(onsets), bool)
 
 
 def refined_only(onsets: pd.DataFrame) -> Bools:

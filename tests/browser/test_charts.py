@@ -69,6 +69,17 @@ def test_onsets_of_one_mesh_alone_have_markers_of_their_own(shown):
         "μ = 0.05, 3.00 kHz, refined only", "μ = 0.15, 2.00 kHz, vanishes refined", "μ = 0.25, 1.00 kHz"]
 
 
+def test_where_growing_modes_part_has_words_of_its_own(shown):
+    """Growth is there on both sides: the mode is neither unstable from there on nor stable again."""
+    onsets = onsets_of((0.25, 0.0, "divergence", 1, np.nan)).assign(law="parting", direction="out of")
+    page = shown(modes_of({1: 100 * VALUES + 1}), onsets)
+    names = page.evaluate("document.getElementById('stability').data.map((d) => d.name).filter(Boolean)")
+    assert names == ["growing modes meet or part"]
+    words = page.inner_text("#chosen")
+    assert "At μ = 0.25, 0 Hz, two growing modes become one that swings; growth neither begins nor ends there." in words
+    assert "stable again" not in words and "unstable from" not in words
+
+
 LOCUS = """() => { const chart = document.getElementById('locus'), axis = chart._fullLayout.xaxis;
   const inside = chart.data.slice(0, -1).flatMap((d) => d.x).filter((x) => x >= axis.range[0] && x <= axis.range[1]);
   return { range: axis.range, inside: inside.length, notes: (chart.layout.annotations || []).map((a) => a.text) }; }"""

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from test_critical_values import parting
 from test_report_figures import ONSET_COLUMNS, SWEEP, coupled_tables
 
+import fe_squeal
+from fe_squeal.report import figures
 from fe_squeal.report.files import write_json
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import chart_data
@@ -169,6 +172,32 @@ def test_growth_whose_error_of_the_mesh_is_not_known_is_marked_everywhere() -> N
     assert "420 ± 30" in tables and "Re λ is 420 ± 30 1/s." in sections
     plain = results(*PAIRS)
     assert not any("mesh: ?" in s for s in (*verdict.answer(plain), interval_table(plain), mode_sections(plain)))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_where_growing_modes_part_growth_neither_begins_nor_ends(turned: bool, tmp_path: Path, monkeypatch) -> None:
+    """A growing pair becomes two growing real λ at p = 0.5, or, as 0.6 − p is swept, these become a growing pair."""
+    problem = parting("undamped")
+    if turned:
+        mass, stiffness, forces = problem.terms
+        K, f = problem.pencil(p=0.6).K, replace(forces, matrix=-forces.matrix)
+        problem = replace(problem, terms=(mass, replace(stiffness, matrix=K.tocsr()), f))
+    result = fe_squeal.sweep(problem, np.linspace(0, 0.6, 4), "p", modes=2)
+    modes, onsets = result.to_dataframe(), result.onsets_dataframe()
+    assert onsets["law"].tolist() == ["parting"]
+    found = Results({}, modes, onsets, EMPTY, EMPTY)
+    assert verdict.answer(found)[1] == "The first instability sets in before p = 0, the first value of the sweep."
+    law = "two growing modes become one that swings" if turned else "a growing mode becomes two that do not swing"
+    at = "0.1" if turned else "0.5"
+    sections = mode_sections(found)
+    assert f"At p = {at} {law}; growth neither begins nor ends there." in sections
+    assert "instability at" not in sections and [o["parting"] for o in chart_data(found)["onsets"]] == [True]
+    drawn = []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, path: drawn.append(figure))
+    figures.plot_stability(modes, onsets, tmp_path / "stability.png")
+    figures.plot_root_locus(modes, onsets, tmp_path / "root_locus.png")
+    marks = [[line.get_label() for line in figure.axes[0].lines if line.get_marker() in "osv"] for figure in drawn]
+    assert marks == [["growing modes meet or part"], []]
 
 
 def test_growth_in_a_window_between_values_is_about() -> None:

@@ -114,7 +114,7 @@ def _onsets(results: Results) -> list[dict[str, Any]]:
             "value": float(row["value"]), "hz": float(row["frequency_hz"]), "branches": pair,
             "into": row.get("direction") != "out of", "kind": str(row.get("kind", "flutter")),
             "text": f"{symbol} = {row['value']:.6g}, {frequency_text(row['frequency_hz'])}",
-            "law": law_text(row, symbol), "mesh": state,
+            "law": law_text(row, symbol), "parting": row["law"] == "parting", "mesh": state,
         })  # fmt: skip
     return found
 

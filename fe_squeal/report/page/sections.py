@@ -152,9 +152,12 @@ def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[
         two = float(row.get("two_mode_value", np.nan))
         with_ = f" together with branch {other[0]}" if other else ""
         guess = f" These two modes alone, as they are where the sweep begins, predict {two:.4g}." if two == two else ""
-        at = f"at {symbol} = {row['value']:.6g}"
+        place = f"{symbol} = {row['value']:.6g}"
         gone = " The refined mesh has no such onset." if state == VANISHES else ""
-        said.append(paragraph(f"It {way} instability {at}{with_}: {law_text(row, symbol)}.{gone}{guess}"))
+        if row.get("law") == "parting":
+            said.append(paragraph(f"At {place} {law_text(row, symbol)}; growth neither begins nor ends there.{gone}"))
+            continue
+        said.append(paragraph(f"It {way} instability at {place}{with_}: {law_text(row, symbol)}.{gone}{guess}"))
     return said
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from fe_squeal.report.branches import covered_text, frequency_text, numbers, parameter_symbol, total_uncertainty
 from fe_squeal.report.looks import body_text, diameters_text, way_text
-from fe_squeal.report.onsets import mesh_errors, refined_only
+from fe_squeal.report.onsets import mesh_errors, partings, refined_only
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import (
     UnstableInterval,
@@ -169,7 +169,7 @@ def _place(row: pd.Series, symbol: str) -> str:
 
 
 def _first_onset(results: Results) -> list[str]:
-    onsets = results.onsets
+    onsets = results.onsets[~partings(results.onsets)]
     if "direction" in onsets:
         onsets = onsets[onsets["direction"] == "into"]
     alone = refined_only(onsets)

@@ -46,9 +46,12 @@ if (DATA.charts) {
     for (const [kind, into, symbol, name] of [["flutter", true, "circle", "flutter begins"],
       ["flutter", false, "circle-open", "flutter ends"], ["divergence", true, "square", "divergence begins"],
       ["divergence", false, "square-open", "divergence ends"]]) {
-      const own = C.onsets.filter((o) => o.kind === kind && o.into === into && o.mesh !== "refined only");
+      const own = C.onsets.filter((o) => o.kind === kind && o.into === into && !o.parting && o.mesh !== "refined only");
       mark(name, own, { symbol, size: 11, color: "#000", line: { width: 2 } }, { text: own.map(told), hovertemplate: "%{text}<extra></extra>" });
     }
+    const parting = C.onsets.filter((o) => o.parting && o.mesh !== "refined only");
+    mark("growing modes meet or part", parting, { symbol: "triangle-down-open", size: 11, color: "#000", line: { width: 2 } },
+      { text: parting.map(told), hovertemplate: "%{text}<extra></extra>" });
     const alone = C.onsets.filter((o) => o.mesh === "refined only"), gone = C.onsets.filter((o) => o.mesh === "vanishes refined");
     mark("on the refined mesh alone", alone, { symbol: "diamond-open", size: 11, color: "#7d8994", line: { width: 2 } },
       { text: alone.map(told), hovertemplate: "%{text}<extra></extra>" });
@@ -170,8 +173,10 @@ if (DATA.charts) {
     const words = i < 0 ? `is not among the modes at ${C.symbol} = ${C.texts[at]}` :
       `at ${C.symbol} = ${C.texts[at]}: ${digits(b.hz[i], 6)} Hz, Re λ = ${rate(b, i, " 1/s")}, damping ratio ${digits(b.ratio[i] === null ? null : 100 * b.ratio[i], 3)} %, ` +
       [b.stability[i], b.diameters[i], b.way[i], b.plane[i], b.body[i]].filter(Boolean).join(", ");
-    const onsets = C.onsets.filter((o) => o.branches.includes(b.number)).map((o) => `${o.into ? "unstable from" : "stable again from"} ${o.text} on (${[o.law, o.mesh].filter(Boolean).join("; ")})`);
-    place.textContent = `Branch ${b.number} ${words}.` + (onsets.length ? ` It is ${onsets.join("; ")}.` : "");
+    const own = C.onsets.filter((o) => o.branches.includes(b.number));
+    const onsets = own.filter((o) => !o.parting).map((o) => `${o.into ? "unstable from" : "stable again from"} ${o.text} on (${[o.law, o.mesh].filter(Boolean).join("; ")})`);
+    const partings = own.filter((o) => o.parting).map((o) => ` At ${o.text}, ${[o.law, "growth neither begins nor ends there", o.mesh].filter(Boolean).join("; ")}.`);
+    place.textContent = `Branch ${b.number} ${words}.` + (onsets.length ? ` It is ${onsets.join("; ")}.` : "") + partings.join("");
   }
 
   const select = document.getElementById("mode"), slider = document.getElementById("value");
