@@ -170,6 +170,12 @@ def _shape(frame: pd.DataFrame, key: str, path: Path) -> tuple[np.ndarray, np.nd
     """Return points (p, 3), in the file's unit, and displacements (p, 3) complex, NaN where they were not measured."""
     missing = [c for c in "xyz" if c not in frame]
     measured = [c for c in _COMPONENTS if c in frame and c.endswith("_re")]
+    # An imaginary part that is not found under its name would be taken for zero.
+    for column in map(str, frame.columns):
+        if column.lower().startswith(("ux", "uy", "uz")) and column not in _COMPONENTS:
+            raise SceneError(f"{key}: {path} has the column {column}; expected some of {', '.join(_COMPONENTS)}")
+        if column.endswith("_im") and column in _COMPONENTS and f"{column[:2]}_re" not in measured:
+            raise SceneError(f"{key}: {path} has the column {column} without {column[:2]}_re; expected both")
     if missing or not measured or not len(frame):
         columns = ", ".join(map(str, frame.columns))
         raise SceneError(

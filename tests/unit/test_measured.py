@@ -279,6 +279,9 @@ BAD = {
     "negative": ("[[measured]]\nfile = 'negative.csv'\n", "the frequency -5 in row 3"),
     "infinite": ("[[measured]]\nfile = 'infinite.csv'\n", "the frequency inf in row 3"),
     "no displacement": ("[[measured]]\nfile = 'points.csv'\n", "expected x, y, z and some of ux_re"),
+    "imaginary part alone": ("[[measured]]\nfile = 'alone.csv'\n", "the column ux_im without ux_re; expected both"),
+    "wrong name": ("[[measured]]\nfile = 'named.csv'\n", "has the column uz_imag; expected some of ux_re, ux_im"),
+    "capitals": ("[[measured]]\nfile = 'capitals.csv'\n", "has the column UZ_im; expected some of ux_re"),
     "damaged": ("[[measured]]\nfile = 'bad.unv'\n", "bad.unv"),
     "skew axes": ("[[measured]]\nfrequency_hz = 5.0\naxes = [[1, 0, 0], [1, 1, 0]]\n", "two vectors at right angles"),
     "long number": ("[[measured]]\nfile = 'long.csv'\n", "long.csv"),
@@ -293,7 +296,10 @@ def test_what_is_refused_before_anything_is_solved(
     measured, said = BAD[case]
     for name, text in (("bad.csv", "a,b\n1,2\n"), ("words.csv", "frequency_hz\nloud\n"), ("bad.unv", "no\n"),
                        ("negative.csv", "frequency_hz\n5\n-5\n"), ("infinite.csv", "frequency_hz\n5\ninf\n"),
-                       ("long.csv", f"frequency_hz\n{'1' * 500}\n5\n"), ("points.csv", "x,y,z\n0,0,0\n")):  # fmt: skip
+                       ("long.csv", f"frequency_hz\n{'1' * 500}\n5\n"), ("points.csv", "x,y,z\n0,0,0\n"),
+                       ("alone.csv", "x,y,z,ux_im,uz_re\n0,0,0,1,1\n"),
+                       ("named.csv", "x,y,z,uz_re,uz_imag\n0,0,0,1,1\n"),
+                       ("capitals.csv", "x,y,z,uz_re,UZ_im\n0,0,0,1,1\n")):  # fmt: skip
         (tmp_path / name).write_text(text)
     scene = write_scene(tmp_path, SCENE + measured)
     assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 2
