@@ -183,6 +183,16 @@ class Modes:
         return replace(self, right=np.zeros((0, len(self))), left=None)
 
     @property
+    def eigenvalue_count(self) -> int:
+        """How many eigenvalues, of 2n, the modes surely stand for: two for each that swings, one for a real one.
+
+        λ = 0 is a double one, unless beside it a free motion that is damped decays.
+        """
+        real = self.lam.imag == 0
+        one = real & ((self.lam != 0) | (self.lam[real].real < 0).any())
+        return int(np.where(one, 1, 2).sum())
+
+    @property
     def frequency_hz(self) -> np.ndarray:
         """(k,) Im λ / 2π."""
         return self.lam.imag / (2 * np.pi)

@@ -41,7 +41,7 @@ def found_range(result: Sweep) -> tuple[float, float | None]:
     It ends at the highest frequency that the modes reach at every value. Its end is None where each value has all
     2n eigenvalues of n unknowns: real ones, and those with Im λ > 0, which have a conjugate.
     """
-    numbers = [2 * len(point.modes) - np.count_nonzero(point.modes.lam.imag == 0) for point in result.points]
+    numbers = [point.modes.eigenvalue_count for point in result.points]
     return 0.0, None if min(numbers, default=0) >= 2 * result.problem.unknowns else _reached(result)
 
 

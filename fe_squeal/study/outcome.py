@@ -59,15 +59,10 @@ def outcome_of(modes: Modes, request: Request, error: float, direct: bool) -> Ou
     grows = modes.stability == "unstable"
     kept = np.stack([modes.frequency_hz[grows], lam.real[grows], u[grows], ratio[grows]], axis=1)
     known = request.max_frequency_hz or np.inf
-    if request.count is not None and request.count <= len(lam) and _eigenvalues(lam) < 2 * len(modes.right):
+    if request.count is not None and request.count <= len(lam) and modes.eigenvalue_count < 2 * len(modes.right):
         known = float(modes.frequency_hz.max())
     if not len(lam):
         return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct), known]), kept)
     worst = max(range(len(lam)), key=lambda i: (lam.real[i], u[i]))
     row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst], error, direct, known]
     return Outcome(np.array(row, float), kept)
-
-
-def _eigenvalues(lam: np.ndarray) -> int:
-    """Return how many eigenvalues modes stand for: one that swings for two, real ones for themselves, λ = 0 for two."""
-    return int(np.where((lam.imag == 0) & (lam != 0), 1, 2).sum())

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from fe_squeal.eigen.definite import signs_of
 from fe_squeal.eigen.linear.choice import factorize, factorize_definite
 from fe_squeal.eigen.linear.dense import DenseFactor
+from fe_squeal.eigen.linear.factor import SingularError
 from fe_squeal.eigen.linear.pardiso import PardisoCholesky, has_pardiso
 from fe_squeal.eigen.linear.superlu import SuperLUCholesky
 from fe_squeal.errors import NotConvergedError
@@ -69,7 +70,7 @@ def test_full_matrices_in_any_units(imaginary):
 
 def test_a_singular_full_matrix_is_told():
     for singular in (np.triu(np.ones((5, 5)), 1), np.ones((5, 5))):
-        with pytest.raises(NotConvergedError, match="LAPACK"):
+        with pytest.raises(SingularError, match="LAPACK"):
             DenseFactor(sp.csr_array(singular))
 
 

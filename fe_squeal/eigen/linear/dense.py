@@ -9,10 +9,19 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ...errors import NotConvergedError
+from .factor import SingularError
 
 
 class DenseFactor:
-    """LU factors by LAPACK of a small matrix that is full, as projections are."""
+    """LU factors by LAPACK of a small matrix that is full, as projections are.
+
+    Raises
+    ------
+    SingularError
+        If a pivot is zero.
+    NotConvergedError
+        If an entry is not finite.
+    """
 
     negative_pivots: int | None = None
 
@@ -25,7 +34,9 @@ class DenseFactor:
             warnings.simplefilter("error", la.LinAlgWarning)
             try:
                 self._lu = la.lu_factor(self._rows[:, None] * full * self._columns)
-            except (la.LinAlgWarning, ValueError) as error:
+            except la.LinAlgWarning as error:
+                raise SingularError(f"LAPACK: the matrix is singular: {error}") from error
+            except ValueError as error:
                 raise NotConvergedError(f"LAPACK: the matrix cannot be factorised: {error}") from error
 
     def solve(self, b: np.ndarray) -> np.ndarray:
