@@ -146,6 +146,12 @@ def test_faces_of_tetrahedra_have_three_corners(tmp_path):
         assert list(pressures(archive, lines, "a.cdb")) == [mean]
 
 
+def test_recent_archives_name_no_release(tmp_path):
+    """UNBL stands where the number of a release, such as R5.0, stood before."""
+    old, new = (drafted(tmp_path, *changes) for changes in ((), (("R5.0", "UNBL"), ("R5.3", "UNBL"))))
+    assert new.text() == old.text() and values(new, "effects", "preload")[0]["pressures"] == {"pressure_1": 1.5e6}
+
+
 @pytest.mark.parametrize("line", some([
     "MPDATA,BETD,2,1,2.E-6", "MPDATA,R5.0, 1,DAMP,       2, 1, 2.E-6,", "MP,DAMP,2,2.E-6",
 ], lambda line: "R5.0" in line))  # fmt: skip

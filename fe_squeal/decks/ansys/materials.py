@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ...errors import MeshError
+from ...mesh.readers.ansys_forms import is_release
 from ..draft import Draft
 from .content import Line
 
@@ -42,8 +43,9 @@ def read_materials(lines: Sequence[Line], source: str, draft: Draft) -> dict[int
                 several = values[:1] if option in _ONE_VALUE else values[:2]
                 _tell(draft, "TB,FRIC", where, first, several, "direction, temperature, slip rate or pressure")
             elif fields[0] == "MPDATA":
-                # Archives have the release and a count in front: MPDATA,R5.0,1,EX,2,1,2.1E5 is MPDATA,EX,2,1,2.1E5.
-                given = fields[3:] if fields[1].startswith("R") and fields[1][1:2].isdigit() else fields[1:]
+                # Archives have the release, or UNBL, and a count in front: MPDATA,R5.0,1,EX,2,1,2.1E5 is
+                # MPDATA,EX,2,1,2.1E5.
+                given = fields[3:] if is_release(fields[1]) else fields[1:]
                 label, number, place = _named(given[0]), int(given[1]), int(given[2] or 1)
                 values, own = [float(text) for text in given[3:] if text], found.setdefault(number, {})
                 if place == 1 and values:

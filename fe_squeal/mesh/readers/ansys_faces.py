@@ -10,6 +10,7 @@ from fe_squeal.errors import MeshError
 
 from ..raw import Ints, Rows
 from .ansys_archive import Archive
+from .ansys_forms import is_release
 
 FIRST, LABEL = 10, 8  # columns of `Archive.elem` with the first node, and with the number, of an element
 _CONTACTS = {170: "target", 174: "contact", 173: "contact"}
@@ -103,7 +104,7 @@ def _commands(archive: Archive, lines: Sequence[str]) -> Iterator[tuple[str, lis
         if len(fields) < 5 or not fields[3].startswith("PRES") or fields[4] in ("2", "4"):
             continue
         values = fields[5:9]
-        if values and values[0].startswith("R") and i + 1 < len(lines):  # CDWRITE puts values on the next line, 16 wide
+        if values and is_release(values[0]) and i + 1 < len(lines):  # CDWRITE puts values on the next line, 16 wide
             values = lines[i + 1].replace(",", " ").split()[:4]
         if fields[1] in three:
             values = values[:3]
