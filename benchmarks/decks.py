@@ -45,7 +45,8 @@ def card_tables() -> str:
 
 def command_tables() -> str:
     """Return what the program does with an Ansys archive."""
-    return _tables("command", ansys.BECOMES, ansys.LEFT_OUT, "all other commands")
+    return _tables("command", ansys.BECOMES, ansys.LEFT_OUT,
+                   "all other commands, but for blocks (`...BLOCK`), which are asked for")  # fmt: skip
 
 
 def _tables(what: str, becomes: dict[str, str], left_out: dict[str, tuple[str, Any]], silent: str) -> str:

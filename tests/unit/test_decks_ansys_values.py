@@ -152,6 +152,72 @@ def test_recent_archives_name_no_release(tmp_path):
     assert new.text() == old.text() and values(new, "effects", "preload")[0]["pressures"] == {"pressure_1": 1.5e6}
 
 
+def in_blocks(text, options=()):
+    """Return an archive with ETBLOCK, DBLOCK and SFEBLOCK in place of ET, D and SFE, with (type, number, value)."""
+    given = {(kind, number): value for kind, number, value in options}
+    types, held, loads, rest = "", "", "", []
+    lines = iter(text.splitlines())
+    for line in lines:
+        fields = line.split(",")
+        if fields[0] == "ET":
+            cells = [*fields[1:], *(given.get((int(fields[1]), k), 0) for k in range(1, 19)), 0]
+            types += "".join(f"{int(cell):9d}" for cell in cells) + "\n"
+            rest += ["ETBLOCK"] * (not any(line == "ETBLOCK" for line in rest))
+        elif fields[0] == "D":
+            held += f"{int(fields[1]):9d}{fields[2].strip():6s}{0.0:16.9E}{0.0:16.9E}\n"
+        elif fields[0] == "SFE":
+            loads += f"{int(fields[1]):9d}{int(fields[2]):4d}{int(fields[4]):4d}"
+            loads += "".join(f"{float(value):20.9E}" for value in next(lines).split()) + "\n"
+        else:
+            rest.append(line)
+    whole = "\n".join(rest).replace("ETBLOCK", f"ETBLOCK,        4,        4\n(2i9,19a9)\n{types}       -1")
+    blocks = f"DBLOCK,{held.count(chr(10)):9d}\n(i9,a6,2(pg16.9))\n{held}       -1\n"
+    blocks += f"SFEBLOCK,4,PRES,{13:9d},{12:9d},0\n(i9,i4,i4,6(pg20.9))\n{loads}SFE,end,LOC,       -1,\n"
+    return whole.replace("ALPHAD", f"{blocks}ALPHAD") + "\n"
+
+
+@pytest.mark.parametrize("options", some([
+    [], [(2, 12, 5)], [(2, 12, 4)], [(2, 2, 2)], [(1, 3, 1)], [(4, 3, 2)],
+], lambda options: options == [(2, 12, 5)]))  # fmt: skip
+def test_blocks_are_the_commands_of_their_rows(tmp_path, options):
+    """Contacts that are bonded, without separation and by MPC, solids of layers, and masses without inertia."""
+    old = draft_of(written(tmp_path, brake(option="".join(f"KEYOP,{k},{n},{v}\n" for k, n, v in options))))
+    text = in_blocks(brake(), options)
+    assert not any(line.startswith(("ET,", "D,", "KEYOP")) for line in text.splitlines())
+    new = draft_of(written(tmp_path, text))
+    assert [t.values for t in new.tables] == [t.values for t in old.tables]
+    assert [(f.what, f.text) for f in new.findings] == [(f.what, f.text) for f in old.findings]
+
+
+def test_later_key_options_count_before_those_of_etblock(tmp_path):
+    text = in_blocks(brake(), [(2, 12, 5)]).replace("RLBLOCK", "KEYOP,       2,12,        0\nRLBLOCK")
+    (contact,) = values(draft_of(written(tmp_path, text)), "contacts")
+    assert "kind" not in contact
+
+
+def test_types_of_mapdl_archive_itself_are_read(tmp_path):
+    """It writes the rows of ETBLOCK with single blanks, whatever the format says."""
+    head = "ETBLOCK,        4,        4\n(2i9,19a9)\n"
+    text = in_blocks(brake(), [(2, 12, 5)])
+    rows = text.split(head)[1].split("       -1\n")[0]
+    loose = "".join(f"{int(r[:9]):9d} {int(r[9:18]):3d} {' '.join(r[18:].split())} 0\n" for r in rows.splitlines())
+    (contact,) = values(draft_of(written(tmp_path, text.replace(rows, loose))), "contacts")
+    assert contact["kind"] == "tied"
+
+
+@pytest.mark.parametrize(("block", "weight"), some([
+    ("FBLOCK,2\n(i9,a6,2(pg16.9))\n        1FX      1.0             0.0\n       -1\n", "changes"),
+    ("SFBLOCK,2\n       -1\n", "changes"), ("CEBLOCK,2\n       -1\n", "missing"),
+    ("CPBLOCK,2\n       -1\n", "missing"), ("XYBLOCK,2\n       -1\n", "missing"),
+    ("DBLOCK,1\n(i10,a6,2(pg16.9))\n         1UX     0.0             0.0\n       -1\n", "missing"),
+    ("DBLOCK,1\n(i9,a6,2(pg16.9))\n        1UX     0.0             0.0\n", "missing"),
+], lambda block, weight: block[:2] in ("FB", "XY")))  # fmt: skip
+def test_blocks_that_are_not_read_are_listed(tmp_path, block, weight):
+    """Those of columns that are not known, and without an end, too."""
+    (finding,) = [f for f in drafted(tmp_path, (END, block + END)).findings if "BLOCK" in f.what]
+    assert block.startswith(f"{finding.what},") and finding.weight == weight
+
+
 @pytest.mark.parametrize("line", some([
     "MPDATA,BETD,2,1,2.E-6", "MPDATA,R5.0, 1,DAMP,       2, 1, 2.E-6,", "MP,DAMP,2,2.E-6",
 ], lambda line: "R5.0" in line))  # fmt: skip

@@ -10,6 +10,7 @@ from ...errors import MeshError
 from ...mesh import LoadedMesh
 from ...mesh.raw import RawMesh
 from ...mesh.readers.ansys_archive import Archive
+from ...mesh.readers.ansys_forms import commands_of_block, fields_of
 from ..draft import Draft
 from ..units import SI, Units
 
@@ -55,12 +56,16 @@ class Content:
 
 
 def commands(lines: Sequence[str]) -> list[Line]:
-    """Return the commands among the lines of an archive, without comments."""
+    """Return the commands among the lines of an archive, without comments; for ETBLOCK and the like those of its rows.
+
+    A block that is not read stands for itself.
+    """
     found = []
-    for number, line in enumerate(lines, 1):
-        text = line.partition("!")[0].strip()
-        if text[:1].isalpha():
-            found.append(([part.strip().upper() for part in text.split(",")], f"line {number}"))
+    for i, line in enumerate(lines):
+        if line.strip()[:1].isalpha():
+            rows = commands_of_block(lines, i)
+            given = [(i + 1, fields_of(line))] if rows is None else rows
+            found += [(fields, f"line {number}") for number, fields in given]
     return found
 
 

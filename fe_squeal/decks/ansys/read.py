@@ -17,8 +17,10 @@ from .materials import is_isotropic, read_materials
 from .ties import write_supports, write_ties
 
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
-    **dict.fromkeys(("CE", "CP", "RBE3"), ("ties nodes and is not read; give [[rigid]] or [[averaged]]", "missing")),
-    **dict.fromkeys(("F", "SF", "SFA", "BF", "BFE", "BFBLOCK", "ACEL", "CGOMEGA", "DOMEGA", "INISTATE"),
+    **dict.fromkeys(("CE", "CEBLOCK", "CP", "CPBLOCK", "RBE3"),
+                    ("ties nodes and is not read; give [[rigid]] or [[averaged]]", "missing")),
+    **dict.fromkeys(("F", "FBLOCK", "SF", "SFBLOCK", "SFA", "BF", "BFE", "BFBLOCK", "BFEBLOCK", "ACEL", "CGOMEGA",
+                     "DOMEGA", "INISTATE"),
                     ("is a load that is not read; [effects.preload] takes pressures on surfaces", "changes")),
     "OMEGA": ("turns the whole model: give [effects.rotation] for the body that turns", "changes"),
     "DMPRAT": ("a constant damping ratio has no equivalent; give Rayleigh or structural damping", "changes"),
@@ -29,22 +31,28 @@ LEFT_OUT: dict[str, tuple[str, Weight]] = {
                     ("changes what stands before it and is not read; write the archive anew by CDWRITE,DB", "missing")),
     "DMPSTR": ("give loss_factor of the materials and [effects.structural_damping]", "changes"),
 }  # fmt: skip
+# Sections of SECBLOCK are those of layers, shells and beams, which are listed as elements.
+_READ_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK", "RLBLOCK", "SECBLOCK")
+_OTHER_BLOCK: tuple[str, Weight] = (
+    "is a block that is not read, or not in this form: without it the structure may be another one", "missing",
+)  # fmt: skip
 _ZERO_IS_NOTHING = ("ACEL", "CGOMEGA", "DOMEGA", "OMEGA", "DMPRAT", "DMPSTR")  # CDWRITE writes them in any case
 BECOMES: dict[str, str] = {
     "NBLOCK, EBLOCK": "nodes and SOLID185, 186, 187 and 285; those of layers are asked for",
     "CMBLOCK": "volume groups and node sets", "MP, MPDATA": "`[materials.material_N]`: EX, NUXY or PRXY, DENS;"
     " isotropic ones, the last of a label, and of tables the first value, and told; ALPD and BETD are `rayleigh` of the"
     " bodies; MU is `mu`, and so is `TB,FRIC`, which counts before it",
-    "D": "`[[supports]]` of the nodes that are held alike; in the axes that NBLOCK turns, where they are along x, y and"
-    " z, else it is asked for",
+    "ET, ETBLOCK, KEYOP": "kinds of the elements and their key options",
+    "D, DBLOCK": "`[[supports]]` of the nodes that are held alike; in the axes that NBLOCK turns, where they are along"
+    " x, y and z, else it is asked for",
     "CONTA173, CONTA174, TARGE170": "surfaces contact_N and target_N by real constant, and `[[contacts]]`; KEYOPT(12)"
     " rough or bonded, and MPC: tied; no separation of all contacts: `lift_off = false` of a preload",
     "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion; FACT,"
     " DC and TAUMAX are left out, and told",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
-    "SFE": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154, whose normals have to point"
-    " outwards; the mean of the corners, and told where they differ; loads on faces 2 to 5 of SURF154, along it, with a"
-    " gradient or along a vector, are left out, and told",
+    "SFE, SFEBLOCK": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154, whose normals have"
+    " to point outwards; the mean of the corners, and told where they differ; loads on faces 2 to 5 of SURF154, along"
+    " it, with a gradient or along a vector, are left out, and told",
     "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
     " elsewhere are left out, and told",
     "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes` of the last one; a lowest"
@@ -77,7 +85,8 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
     _write_solution(content)
     list_left_over(content)
     for fields, where in lines:
-        said, weight = LEFT_OUT.get(fields[0], ("", "harmless"))
+        is_other = fields[0].endswith("BLOCK") and fields[0] not in _READ_BLOCKS
+        said, weight = LEFT_OUT.get(fields[0], _OTHER_BLOCK if is_other else ("", "harmless"))
         nothing = fields[0] in _ZERO_IS_NOTHING and all(is_zero(f) for f in fields[1:])
         if said and not nothing and fields[:2] != ["TB", "FRIC"]:
             what = ",".join(fields[:2]) if fields[0] == "TB" else fields[0]

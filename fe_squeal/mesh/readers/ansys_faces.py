@@ -10,7 +10,7 @@ from fe_squeal.errors import MeshError
 
 from ..raw import Ints, Rows
 from .ansys_archive import Archive
-from .ansys_forms import is_release
+from .ansys_forms import commands_of_block, fields_of, is_release
 
 FIRST, LABEL = 10, 8  # columns of `Archive.elem` with the first node, and with the number, of an element
 _CONTACTS = {170: "target", 174: "contact", 173: "contact"}
@@ -94,24 +94,30 @@ def uneven_pressures(archive: Archive, lines: Sequence[str], source: str) -> lis
 
 
 def _commands(archive: Archive, lines: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
-    """Yield the place of each SFE with its fields and its values, three of them at the faces of tetrahedra."""
+    """Yield the place of each SFE and row of SFEBLOCK with its fields and its values, three at faces of tetrahedra."""
     tetrahedra = [int(row[0]) for row in archive.ekey if _FACES.get(int(row[1])) is _TETRAHEDRON]
     three = {str(label) for label in archive.elem[np.isin(archive.elem[:, 1], tetrahedra), LABEL]}
-    for i, line in enumerate(lines):
-        if line[:3].upper() != "SFE" or line[3:4] not in (",", " "):
-            continue
-        fields = [part.strip().upper() for part in line.split(",")]
+    for number, fields in _loads(lines):
         if len(fields) < 5 or not fields[3].startswith("PRES") or fields[4] in ("2", "4"):
             continue
         values = fields[5:9]
-        if values and is_release(values[0]) and i + 1 < len(lines):  # CDWRITE puts values on the next line, 16 wide
-            values = lines[i + 1].replace(",", " ").split()[:4]
+        if values and is_release(values[0]) and number < len(lines):  # CDWRITE puts values on the next line, 16 wide
+            values = lines[number].replace(",", " ").split()[:4]
         if fields[1] in three:
             values = values[:3]
         corners = [v for v in values if v]
         if len(corners) > 1 and not any(float(v) for v in corners[1:] if _is_number(v)):
             values = corners[:1]  # the values at the corners are equal: one stands for all
-        yield f"line {i + 1}", fields, values
+        yield f"line {number}", fields, values
+
+
+def _loads(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of the line, from 1, and the fields of each SFE and row of SFEBLOCK."""
+    for i, line in enumerate(lines):
+        if line[:8].upper() == "SFEBLOCK":
+            yield from commands_of_block(lines, i) or []
+        elif line[:3].upper() == "SFE" and line[3:4] in (",", " "):
+            yield i + 1, fields_of(line)
 
 
 def _is_number(text: str) -> bool:
