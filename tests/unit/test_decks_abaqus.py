@@ -44,7 +44,7 @@ DIALECTS = {
         "*Motion", "*Change Friction, interaction=PADS\n*Friction\n0.4\n*Motion"),
     "the moving side named first": lambda t: t.replace("bottom_pad, top\n", "top, bottom_pad\n"),
     "general contact": lambda t: t.replace("*Contact Pair, interaction=PADS\nbottom_pad, top\n",
-        "*Contact\n*Contact Inclusions\nbottom_pad, top\n*Contact Property Assignment\n , , NONE\ntop, , PADS\n"),
+        "*Contact\n*Contact Inclusions\nbottom_pad, top\n*Contact Property Assignment\n , , NONE\n, top, PADS\n"),
     "pressure on faces of elements": lambda t: t.replace("*Dsload\ntop_pad, P, 1.5\n", "*Dload\n"
         + t.split("name=top_pad, type=ELEMENT\n")[1].split("*")[0].replace("S", "P").replace("\n", ", 1.5\n")),
     "turned axes": lambda t: t.replace(

@@ -122,6 +122,18 @@ def test_a_pair_that_is_excluded_is_none(tmp_path):
     assert any("*Contact Exclusions" in line for line in draft.told)
 
 
+@pytest.mark.parametrize(("line", "mu", "is_told"), [
+    ("top, , NONE", [0.4], True), ("top, TOP, NONE", [0.4], True), (", top, NONE", [], False),
+    ("top, bottom_pad, NONE", [], False), (", , NONE", [], False),
+])  # fmt: skip
+def test_whose_contact_has_a_property(tmp_path, line, mu, is_told):
+    """With the first surface blank that of the second with all, with the second one blank that of the first alone."""
+    text = general("bottom_pad, hub") + "*Surface Interaction, name=NONE\n"
+    draft = draft_of(written(tmp_path, text.replace(" , , PADS", f" , , PADS\n{line}")))
+    assert [t["mu"] for t in tables(draft, "effects", "friction")] == mu
+    assert any("top with itself" in line for line in draft.told) == is_told
+
+
 def test_a_tie_of_some_nodes_is_asked_for(tmp_path):
     text = deck().replace("*Contact Pair, interaction=PADS", "*Tie, name=GLUE, tied nset=N_back_pad")
     assert any('"N_back_pad" alone' in line for line in draft_of(written(tmp_path, text)).missing)

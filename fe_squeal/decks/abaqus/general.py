@@ -31,9 +31,16 @@ def read_exclusions(content: Content, statement: Statement) -> None:
 
 
 def read_assignment(content: Content, statement: Statement) -> None:
-    """Take *Contact Property Assignment: of several that fit a pair the last one counts."""
+    """Take *Contact Property Assignment: of several that fit a pair the last one counts.
+
+    A first surface that is left out stands for all surfaces, a second one for the first (Abaqus Keywords Guide).
+    """
     for line in statement.block.lines:
         first, second, name = (fields(line) + [""] * 3)[:3]
+        if first and second.upper() in ("", first.upper()):
+            text = f"{name} of {first} with itself is passed over: contact of a surface with itself is not simulated"
+            content.draft.find("*Contact Property Assignment", content.where(statement), text)
+            continue
         wanted = {part.upper() for part in (first, second) if part}
         for i, pair in enumerate(content.general):
             if name and wanted <= {pair.first.upper(), pair.second.upper()}:
