@@ -111,6 +111,11 @@ def test_masses_of_one_node_add_up(tmp_path):
     assert "MASS21: at node 1 has masses of its own" in draft.missing[0]
 
 
+def test_a_mass_without_constants_is_told_as_such(tmp_path):
+    (finding,) = draft_of(beam(tmp_path, [(21, 8, [1])], ["CERIG,1,30,ALL"])).findings
+    assert finding.what == "MASS21" and "node 1 has no real constants: the archive has no set 8" in finding.text
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("row", "listed"), [((0, 0, 0, 1e6, 0, 0), True), ((0, 0, 0, 0, 1.0, 0), False)])
 def test_stiffness_of_surfaces_is_listed(tmp_path, row, listed):

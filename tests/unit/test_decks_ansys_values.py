@@ -7,6 +7,7 @@ from selection import some
 from test_decks_ansys_brake import brake, written
 
 from fe_squeal.decks.scene import draft_of
+from fe_squeal.errors import MeshError
 from fe_squeal.mesh.readers.ansys_archive import Archive, read_apart
 from fe_squeal.mesh.readers.ansys_faces import pressures
 
@@ -106,6 +107,30 @@ def test_laws_of_friction_among_real_constants_are_told(tmp_path):
     draft = drafted(tmp_path, ("       5       4", "       5      22"), (old, new))
     assert [line.split(":")[0] for line in told(draft)] == ["FACT", "TAUMAX"]
     assert "FACT = 1.4 and DC = 0.05" in told(draft)[0] and "12, is not simulated" in told(draft)[1]
+
+
+MORE = "RMORE\nRMORE,,,,,,\nRMORE,,,1.4,0.05\n"  # constants 7 to 24, of which FACT is the 21st and DC the 22nd one
+
+
+@pytest.mark.parametrize(("constants", "told_of"), some([
+    (f"R,5,,,-3000.\n{MORE}", "FACT = 1.4 and DC = 0.05"), ("R,R5.0,5,LOC,3,-3000.\n", ""),
+    (f"R,5,1.,,-3000.\n{MORE}R,5,,,-3000.\n", ""),
+], lambda constants, told_of: told_of))  # fmt: skip
+def test_real_constants_by_commands(tmp_path, constants, told_of):
+    """R gives the constants 1 to 6 and begins a set anew, RMORE the next six each time; CDWRITE gives up to three."""
+    text = brake().split("RLBLOCK")[0] + constants + "R,6,1.5E-4,1.5E-4,1.5E-4,0.2,0.3,0.4\nNBLOCK"
+    new, old = (draft_of(written(tmp_path, t)) for t in (text + brake().split("NBLOCK")[1], brake(fkn=-3000.0)))
+    assert [t.values for t in new.tables] == [t.values for t in old.tables]
+    assert [line for line in told(new)] == [line for line in told(new) if told_of and told_of in line]
+    assert bool(told(new)) == bool(told_of)
+
+
+@pytest.mark.parametrize("line", some(["R,5,stiff", "R,pair,1.", "RMORE,1.,2.", "R,R5.0,5,LOC,0,1.",
+                                       "R,UNBL,5,LOC,999999999,1."],
+                                      lambda line: line == "RMORE,1.,2."))  # fmt: skip
+def test_real_constants_that_cannot_be_read_are_refused(tmp_path, line):
+    with pytest.raises(MeshError, match=f'brake.cdb: line .*"{line.upper()}" gives no real constants'):
+        drafted(tmp_path, ("RLBLOCK", f"{line}\nRLBLOCK"))
 
 
 @pytest.mark.slow

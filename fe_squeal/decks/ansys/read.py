@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...mesh.building import build_mesh
@@ -14,6 +16,7 @@ from .contacts import stay_closed, write_contacts
 from .content import Content, clean, commands, is_zero
 from .elements import list_left_over
 from .materials import is_isotropic, read_materials
+from .reals import read_real_constants
 from .ties import write_supports, write_ties
 
 LEFT_OUT: dict[str, tuple[str, Weight]] = {
@@ -47,14 +50,14 @@ BECOMES: dict[str, str] = {
     " x, y and z, else it is asked for",
     "CONTA173, CONTA174, TARGE170": "surfaces contact_N and target_N by real constant, and `[[contacts]]`; KEYOPT(12)"
     " rough or bonded, and MPC: tied; no separation of all contacts: `lift_off = false` of a preload",
-    "RLBLOCK": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a suggestion; FACT,"
-    " DC and TAUMAX are left out, and told",
+    "RLBLOCK, R, RMORE": "FKN of contacts: negative ones are `normal_stiffness`, factors are asked for with a"
+    " suggestion; FACT, DC and TAUMAX are left out, and told",
     "CMROTATE, CMOMEGA": "`sliding` of the contacts on the component, which is their counterface",
     "SFE, SFEBLOCK": "`[effects.preload] pressures` on surfaces pressure_N, on solids and SURF154, whose normals have"
     " to point outwards; the mean of the corners, and told where they differ; loads on faces 2 to 5 of SURF154, along"
     " it, with a gradient or along a vector, are left out, and told",
     "CERIG": "`[[rigid]]` where all translations are tied, node by node, with D and MASS21 at the reference; masses"
-    " elsewhere are left out, and told",
+    " elsewhere and without real constants are left out, and told",
     "ALPHAD, BETAD": "`[effects.rayleigh]`", "MODOPT": "`[solve] modes` of the last one; a lowest"
     " frequency or a shift point is told",
 }  # fmt: skip
@@ -73,6 +76,7 @@ def draft_ansys(sources: Sources, mesh_file: str) -> Draft:
     lines = commands(text)
     draft = Draft(sources.path.stem)
     materials = read_materials(lines, source, draft)
+    archive = replace(archive, reals=archive.reals | read_real_constants(lines, source))
     content = Content(source, archive, raw, build_mesh(raw, source), draft, text, lines, materials)
     draft.head.append(f"Made by fe-squeal new from the Ansys archive {source}.")
     _find_units(content)

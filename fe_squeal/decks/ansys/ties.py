@@ -133,8 +133,12 @@ def _masses(content: Content) -> dict[int, dict[str, Value]]:
         if int(row[1]) not in kinds:
             continue
         node, constants = int(row[FIRST]), content.archive.reals.get(int(row[2]), np.zeros(0))
-        if node not in content.masters or not len(constants):
+        if node not in content.masters:
             text = "at a node that is no reference of CERIG is left out: frequencies come out too high"
+            content.draft.find("MASS21", "", text)
+            continue
+        if not len(constants):
+            text = f"at node {node} has no real constants: the archive has no set {int(row[2])}; give mass in [[rigid]]"
             content.draft.find("MASS21", "", text)
             continue
         constants = np.pad(constants[:6], (0, max(0, 6 - len(constants))))
