@@ -10,6 +10,7 @@ from selection import some
 
 from fe_squeal.decks.ansys.ties import axes_of
 from fe_squeal.decks.scene import draft_of
+from fe_squeal.errors import MeshError
 from fe_squeal.mesh import load_mesh
 
 mapdl_archive = pytest.importorskip("mapdl_archive")
@@ -69,6 +70,25 @@ def test_nodes_are_held_in_their_own_axes(tmp_path, angles, held, fixed):
     draft = draft_of(beam(tmp_path, commands=[f"D,1,{freedom},0.,0." for freedom in held], angles=angles))
     (support,) = [table for table in draft.tables if table.path == ("supports",)]
     assert support.values == {"nodes": "1", "fixed": fixed} and not draft.findings
+
+
+@pytest.mark.parametrize(("command", "held"), some([
+    ("D,17,UX,0,,,,UY,UZ", {"17": "xyz"}), ("D,17,UX,0.,0.,,,UZ,TEMP", {"17": "xz"}),
+    ("D,17,TEMP,0,,,,UY", {"17": "y"}), ("D,17,UX,0,,19", {"17, 18, 19": "x"}),
+    ("D,17,UX,0,,22,2,UY", {"17, 19, 21": "xy"}), ("D,17,UX,0,,0,0", {"17": "x"}),
+    ("D,17,UX,0,,999999999999,300", {"17, 317": "x"}),
+], lambda command, held: command in ("D,17,UX,0,,,,UY,UZ", "D,17,UX,0,,22,2,UY")))  # fmt: skip
+def test_one_command_holds_several_nodes_and_freedoms(tmp_path, command, held):
+    """D,Node,Lab,VALUE,VALUE2,NEND,NINC,Lab2,...,Lab6."""
+    draft = draft_of(beam(tmp_path, commands=[command]))
+    assert {t.values["nodes"]: t.values["fixed"] for t in draft.tables if t.path == ("supports",)} == held
+
+
+@pytest.mark.parametrize("command", some(["D,ALL,UX", "D,17,UX,0,,SKIN", "D,17,UX,0,,19,-1", "D,17,UX,0,,5"],
+                                         lambda command: "SKIN" in command))  # fmt: skip
+def test_nodes_of_supports_that_are_no_range_are_refused(tmp_path, command):
+    with pytest.raises(MeshError, match=r"beam.cdb: line .*: D at .*expected the number of a node"):
+        draft_of(beam(tmp_path, commands=[command]))
 
 
 @pytest.mark.slow

@@ -66,22 +66,37 @@ def write_supports(content: Content) -> None:
 
 
 def _held(content: Content, told: bool = False) -> dict[int, set[str]]:
+    """Return the freedoms that D holds by node: D,Node,Lab,VALUE,VALUE2,NEND,NINC,Lab2,...,Lab6.
+
+    Pilot nodes, and others that no solid has, are left out.
+    """
     used = np.unique(np.concatenate([block.nodes.ravel() for block in content.raw.blocks]))
-    solid = set(content.raw.node_labels[used[used >= 0]].tolist())
-    found: dict[int, set[str]] = {}
+    known = set(content.raw.node_labels[used[used >= 0]].tolist()) | set(content.masters)
+    found, highest = dict[int, set[str]](), max(known)
     for fields, where in content.lines:
-        if fields[0] != "D" or len(fields) < 3 or fields[2] not in _HELD:
+        if fields[0] != "D":
             continue
-        if not fields[1].isdigit():
-            raise MeshError(f'{content.source}: {where}: D at "{fields[1][:20]}"; expected the number of a node')
-        if int(fields[1]) not in solid and int(fields[1]) not in content.masters:
-            continue  # a pilot node, or one that no solid has
-        if told and len(fields) > 3 and not is_zero(fields[3]):
+        labels = [label for label in (*fields[2:3], *fields[7:12]) if label in _HELD]
+        nodes = [n for n in _range(content, fields, where, highest) if n in known] if labels else []
+        if told and nodes and len(fields) > 3 and not is_zero(fields[3]):
             text = "a displacement that is prescribed is held; its static state is not simulated"
             content.draft.find("D", where, text)
-        found.setdefault(int(fields[1]), set()).update(_HELD[fields[2]].split())
+        for node in nodes:
+            found.setdefault(node, set()).update(*(_HELD[label].split() for label in labels))
     _turn(content, found)
     return found
+
+
+def _range(content: Content, fields: list[str], where: str, highest: int) -> range:
+    """Return the nodes of D, up to the highest one of the archive: Node, or those from it to NEND in steps of NINC."""
+    texts = [fields[1], *(text or "0" for text in [*fields[5:7], "", ""][:2])]
+    if all(text.isdecimal() for text in texts):
+        first, last, step = map(int, texts)
+        if not 0 < last < first:
+            return range(first, min(last or first, highest) + 1, step or 1)
+    given = ",".join((fields[1], *fields[5:7])).rstrip(",")[:20]
+    what = f'D at "{given}"; expected the number of a node, or of a first and a last one, and a step'
+    raise MeshError(f"{content.source}: {where}: {what}")
 
 
 def _turn(content: Content, held: dict[int, set[str]]) -> None:
