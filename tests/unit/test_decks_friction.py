@@ -116,7 +116,10 @@ def general(exclusion):
 
 
 def test_a_pair_that_is_excluded_is_none(tmp_path):
-    assert not tables(draft_of(written(tmp_path, general("TOP, bottom_pad"))), "contacts")
+    for line in ("TOP, bottom_pad", ", top"):
+        assert not tables(draft_of(written(tmp_path, general(line))), "contacts")
+    for line in ("top, ", "top, top"):  # of the surface with itself
+        assert len(tables(draft_of(written(tmp_path, general(line))), "contacts")) == 1
     draft = draft_of(written(tmp_path, general("bottom_pad, hub")))
     assert len(tables(draft, "contacts")) == 1
     assert any("*Contact Exclusions" in line for line in draft.told)

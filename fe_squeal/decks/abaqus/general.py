@@ -23,10 +23,13 @@ def read_inclusions(content: Content, statement: Statement) -> None:
 
 
 def read_exclusions(content: Content, statement: Statement) -> None:
-    """Keep *Contact Exclusions: the pairs of its data lines are none, wherever *Contact Inclusions names them."""
+    """Keep *Contact Exclusions: the pairs of its data lines are none, wherever *Contact Inclusions names them.
+
+    A first surface that is left out stands for all surfaces, a second one for the first (Abaqus Keywords Guide).
+    """
     for line in statement.block.lines:
         first, second = [*fields(line), ""][:2]
-        if first and second:
+        if second and first.upper() != second.upper():
             content.excluded.append((first, second, content.where(statement)))
 
 
@@ -50,12 +53,15 @@ def read_assignment(content: Content, statement: Statement) -> None:
 def add_general_pairs(content: Content) -> None:
     """Add the pairs of general contact to the contact pairs; for a pair without an interaction the user is asked."""
     named = [{pair.first.upper(), pair.second.upper()} for pair in content.general]
-    excluded = [{first.upper(), second.upper()} for first, second, _ in content.excluded]
+    excluded = [{part.upper() for part in pair if part} for *pair, _ in content.excluded]
     for (first, second, where), both in zip(content.excluded, excluded, strict=True):
-        if named and both not in named:
-            text = f"{first} and {second} are no pair that is named: where they are part of one, it is in contact here"
+        if named and not any(both <= pair for pair in named):
+            other = first or "any other"
+            text = f"{other} and {second} are no pair that is named: where they are part of one, it is in contact here"
             content.draft.find("*Contact Exclusions", where, text)
-    for pair in (pair for pair, both in zip(content.general, named, strict=True) if both not in excluded):
+    for pair, both in zip(content.general, named, strict=True):
+        if any(parts <= both for parts in excluded):
+            continue
         if pair.interaction:
             content.pairs.append(pair)
         else:
