@@ -14,6 +14,8 @@ _STEEPEST = 0.5  # largest slope allowed where the meridian is curved; the wall 
 _SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge belongs to the body, not to its mesh
 _ON_AXIS = 1e-6  # part of a facet's distance from the axis: a corner nearer to the axis than this lies on it
 _REVOLUTION = 1e-9  # relative change of a stiffness tensor under a turn that still counts as rounding
+_CENTRAL = 1e-3  # part of an element: a place nearer to the axis than this is on it, also in files of few digits
+_PAST = 0.55 * np.pi  # rad from the middle of a cell: with a corner beyond, the axis passes through it, not beside it
 _ORDERS = 16  # number of harmonics around the axis by which a ring is told from a part of a ring
 _WHOLE = 1e-6  # of a number of cells: rounding of one that is whole
 _EVEN = 0.05  # part of the area: the largest harmonic that a ring may have; exactly it has none, on coarse meshes too
@@ -73,7 +75,7 @@ def check_revolution(mesh: skfem.Mesh, elements: np.ndarray, rotation: SteadyMot
 def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key: str, name: str) -> None:
     """Refuse a surface that does not go evenly around the axis: what holds a turning body there would have to turn too.
 
-    The harmonics ∫ e^{imθ} dA of a ring vanish; those of bolts or of a sector do not.
+    The harmonics ∫ e^{imθ} dA of a ring vanish, as do those of what lies on the axis; those of bolts or a sector not.
 
     Parameters
     ----------
@@ -90,7 +92,8 @@ def check_ring(mesh: skfem.Mesh, facets: np.ndarray, rotation: SteadyMotion, key
     """
     x = mesh.p.T[mesh.facets[:, facets].T]
     area = np.linalg.norm(_area_vectors(x[:, [0, 1, 2, -1]]), axis=1)
-    middle, width = _angles(x, rotation)
+    place = _across(x, rotation)
+    middle, width = _angles(place, np.abs(place).max(axis=1))
     _check_even(middle, area, width, f'{key} acts on the rotating body "{name}" on a surface that does not go', "area")
 
 
@@ -111,27 +114,49 @@ def check_ring_of_nodes(
     SceneError
     """
     near = elements[np.isin(mesh.t[:, elements], nodes).any(axis=0)]
-    _, width = _angles(mesh.p.T[mesh.t[:, near].T], rotation)
-    middle, _ = _angles(mesh.p.T[nodes][:, None], rotation)
+    beside = _across(mesh.p.T[mesh.t[:, near].T], rotation)
+    _, width = _angles(beside, np.abs(beside).max(axis=1))
+    middle, _ = _angles(_across(mesh.p.T[nodes][:, None], rotation), np.full(len(nodes), np.abs(beside).max()))
     where = f'{key} acts on the rotating body "{name}" at nodes that do not go'
     _check_even(middle, np.ones(len(nodes)), width, where, "number")
 
 
-def _angles(x: np.ndarray, rotation: SteadyMotion) -> tuple[np.ndarray, float]:
-    """Return the middle angle about the axis of each cell with corners (f, c, 3), rad, and the width of the widest."""
+def _across(x: np.ndarray, rotation: SteadyMotion) -> np.ndarray:
+    """Return where points (..., 3) are in the plane across the axis, (...) complex: r e^{iθ} in m."""
     axis = _axis(rotation)
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    across /= np.linalg.norm(across)
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
     x = x - rotation.centre
-    points = np.exp(1j * np.arctan2(x @ np.cross(axis, across), x @ across))
-    middle = np.angle(points.sum(axis=1))
-    return middle, float(np.abs(np.angle(points / np.exp(1j * middle)[:, None])).max() * 2)
+    return np.asarray(x @ first + 1j * (x @ np.cross(axis, first)))
 
 
-def _check_even(angle: np.ndarray, weight: np.ndarray, width: float, what: str, of_what: str) -> None:
+def _angles(place: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the middle of each cell around the axis, (f,) complex e^{iθ}, and the width of the widest, rad.
+
+    A corner on the axis has no angle. A cell that lies on the axis, or that the axis passes through, has the middle 0.
+
+    Parameters
+    ----------
+    place : (f, c) complex
+        Corners.
+    reach : (f,) float, m
+        Distances from the axis of which `_CENTRAL` counts as none.
+    """
+    r = np.abs(place)
+    points = np.divide(place, r, out=np.zeros_like(place), where=r > _CENTRAL * reach[:, None])
+    total = points.sum(axis=1)
+    size = np.abs(total)
+    middle = np.divide(total, size, out=np.zeros_like(total), where=size > 0)
+    off = np.where(points != 0, np.abs(np.angle(points * middle.conj()[:, None])), 0.0).max(axis=1)
+    around = off < _PAST
+    width = 2 * float(off[around].max()) if around.any() else 2 * np.pi
+    return np.where(around, middle, 0.0), width
+
+
+def _check_even(middle: np.ndarray, weight: np.ndarray, width: float, what: str, of_what: str) -> None:
     # A cell stands for its middle: harmonics shorter than two cells are not those of the ring.
     orders = np.arange(1, np.clip(int(np.pi / max(width, 1e-9) + _WHOLE), 1, _ORDERS) + 1)
-    share = np.abs(np.exp(1j * orders[:, None] * angle) @ weight) / weight.sum()
+    share = np.abs(middle ** orders[:, None] @ weight) / weight.sum()
     if share.max() > _EVEN:
         raise SceneError(
             f"effects.rotation: {what} evenly around"

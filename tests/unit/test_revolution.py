@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fe_squeal
 from fe_squeal.errors import SceneError
 from fe_squeal.fem import revolution
 from fe_squeal.fem.materials import Material, material_axes, stiffness_tensor
 from fe_squeal.fem.motion import SteadyMotion
+from fe_squeal.mesh.groups import NodeSet
 from meshes import KINDS, STEEL, annulus, box, join, make_problem, mapped, rotation
 
 INNER, OUTER = 0.1, 0.2
@@ -28,8 +30,8 @@ def rounded(section):
     return section * np.abs(section).max(axis=0) / np.where(size > 0, size, 1.0)
 
 
-def solid_disc(n=4):
-    square = box("hex1", (2 * n, 2 * n, 1), size=(2.0, 2.0, 0.2), corner=(-1.0, -1.0, 0.0))
+def solid_disc(cells=8):
+    square = box("hex1", (cells, cells, 1), size=(2.0, 2.0, 0.2), corner=(-1.0, -1.0, 0.0), name="disc")
     return mapped(square, lambda x: np.vstack([rounded(x[:2]), x[2]]))
 
 
@@ -71,7 +73,7 @@ def sector():
 
 
 def disc_with_hole():
-    mesh = solid_disc(8)
+    mesh = solid_disc(16)
     x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
     return mesh.restrict(np.flatnonzero(np.hypot(x - 0.5, y) > 0.2))
 
@@ -116,6 +118,40 @@ def around(mesh, group, part):
 def test_what_holds_a_rotating_body_goes_around_the_axis(kind, n):
     make_problem(annulus(kind, (1, n, 1), INNER, OUTER, 0.02), order=1,
                  supports=[{"surface": "hub", "fixed": "xyz"}], effects=ROTATION)  # fmt: skip
+
+
+def held_on(mesh, places):
+    """The disc, held on the nodes at these places (k, 3)."""
+    nodes = np.unique([np.linalg.norm(mesh.p.T - x, axis=1).argmin() for x in places])
+    assert len(nodes) == len(places)
+    loaded = replace(fe_squeal.from_skfem(mesh), node_groups={"SET": NodeSet(nodes, nodes)})
+    scene = {"mesh": {"file": "none.msh", "order": 1}, "materials": {"steel": STEEL}, "bodies": {"disc": {
+        "material": "steel"}}, "supports": [{"nodes": "SET", "fixed": "xyz"}], "effects": ROTATION}  # fmt: skip
+    return fe_squeal.assemble(fe_squeal.parse_scene(scene), loaded)
+
+
+CENTRE = [[0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-6])
+def test_what_is_on_the_axis_is_the_same_all_around(off):
+    """Every turn leaves it where it is: a bearing in the centre, alone or with the ring around it."""
+    mesh = mapped(solid_disc(4), lambda x: x + np.array([[off], [0.0], [0.0]]))
+    rim = [[np.cos(a), np.sin(a), 0.0] for a in np.arange(16) * np.pi / 8]
+    for places in (CENTRE, [*CENTRE, [0.0, 0.0, 0.2]], rim, [*CENTRE, *rim]):
+        held_on(mesh, places)
+    with pytest.raises(SceneError, match=r"supports\[0\] acts on .*harmonic 1 has 0.5 of its number"):
+        held_on(mesh, [*CENTRE, [1.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("cells", [4, 5])
+def test_a_flat_face_with_the_axis_in_it_is_a_ring(cells):
+    """Its facets have a corner on the axis, or one of them has the axis in its middle; a sector of it is none."""
+    mesh = solid_disc(cells)
+    held = {"order": 1, "supports": [{"surface": "top_disc", "fixed": "xyz"}], "effects": ROTATION}
+    make_problem(mesh, **held)
+    with pytest.raises(SceneError, match="harmonic 1 "):
+        make_problem(around(mesh, "top_disc", lambda a: np.cos(a) > 0.1), **held)
 
 
 @pytest.mark.parametrize(
