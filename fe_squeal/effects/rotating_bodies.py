@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import SceneError
+from ..fem.materials import isotropic_shear
 from ..fem.motion import SteadyMotion
 from ..fem.revolution import check_revolution, check_ring, check_ring_of_nodes, is_transversal
 from ..fem.ties import Tie
@@ -180,7 +181,11 @@ def check_material(body: BodyPart, motion: SteadyMotion) -> None:
     SceneError
     """
     if not is_transversal(body.stiffness(), motion):
+        shear = body.material.shear_modulus
+        assert shear is not None
         raise SceneError(
             f"effects.rotation: the material of body {body.name} is not the same all around the axis; expected an"
-            " isotropic one, or an orthotropic one with axis 3 along the axis and equal values along 1 and 2"
+            " isotropic one, or an orthotropic one with axis 3 along the axis, equal values along 1 and 2, and"
+            f" G12 = E1/(2(1+nu12)) = {isotropic_shear(body.material):.6g} Pa to some 0.1 %; given G12 ="
+            f" {shear[2]:.6g} Pa"
         )

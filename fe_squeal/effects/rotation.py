@@ -48,7 +48,9 @@ class Rotation(Effect):
     Attributes
     ----------
     bodies : list of str
-        Bodies that rotate; each has to be one of revolution.
+        Bodies that rotate; each has to be one of revolution, and its material the same all around the axis up to 0.1 %
+        of the energy of any strain: isotropic, or orthotropic with axis 3 along the axis of rotation, equal values
+        along 1 and 2, and G12 = E1/(2(1 + nu12)). Its matrices are those of the values given.
     axis : vector
         Axis of the rotation (default: that of the contacts on these bodies; given again, it has to agree).
     centre : vector, m

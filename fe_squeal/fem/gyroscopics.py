@@ -14,7 +14,9 @@ components of u sees w·∇ = Ω im + Ω ×, so that a bending wave of ω₀ in 
 
 Damping inside the body acts on the rate of the displacement in axes that turn with the body, u̇ + Lu with
 Lu = (w·∇)u − Ω × u. A damping matrix βK or αM so brings the circulatory stiffness β a(δu, Lu) or α∫ρ δu·Lu; a is the
-elastic form. Both are skew: turning a body of revolution about its axis changes neither energy.
+elastic form. Both are skew: turning a body of revolution about its axis changes neither energy. Where its moduli are
+rounded, so that a is a form of revolution and a rest r with |r(u, v)| ≤ ε √(a(u, u) a(v, v)), the skew part alone of
+a(δu, Lu) is taken: what acts is exactly skew, and off by at most ε in the same norm.
 
 The stiffness of the centrifugal stress, ∝ Ω² as K_Ω is, is not in here. Without it a body that is free to turn about
 its axis or to tilt has slow spurious motions, λ = ±Ω for the turning.

@@ -164,6 +164,12 @@ def lame_lambda(material: Material) -> float:
     return E * nu / ((1 + nu) * (1 - 2 * nu))
 
 
+def isotropic_shear(material: Material) -> float:
+    """Return G12 of an orthotropic material that is isotropic in the plane 1-2, E1/(2(1 + nu12)), Pa."""
+    E1, nu12 = material.youngs_modulus[0], material.poisson_ratio[2]  # type: ignore[index]
+    return E1 / (2 * (1 + nu12))
+
+
 def material_axes(first: tuple[float, ...], second: tuple[float, ...]) -> np.ndarray:
     """Return orthonormal material axes as rows from axis 1 and a vector in the plane of axes 1 and 2.
 

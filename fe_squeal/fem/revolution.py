@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as la
 import skfem
 
 from ..errors import SceneError
 from .facets import facet_corners
+from .materials import VOIGT
 from .motion import SteadyMotion
 
 _SLOPE = 0.02  # allowed slope of a facet out of the surface of revolution; an axis off by 2 % of the radius gives it
 _STEEPEST = 0.5  # largest slope allowed where the meridian is curved; the wall of a hole or of a slot has 1
 _SHARP = 0.8  # change of the unit normal, about 47°, beyond which an edge belongs to the body, not to its mesh
 _ON_AXIS = 1e-6  # part of a facet's distance from the axis: a corner nearer to the axis than this lies on it
-_REVOLUTION = 1e-9  # relative change of a stiffness tensor under a turn that still counts as rounding
+_ALIKE = 1e-3  # part of the energy of a strain by which a turn may change it: moduli of data sheets are rounded
+_TURNS = 5  # turns by 2π/5, ...: harmonics of a tensor of rank 4, up to the fourth, have no part in the mean over these
 _CENTRAL = 1e-3  # part of an element: a place nearer to the axis than this is on it, also in files of few digits
 _PAST = 0.55 * np.pi  # rad from the middle of a cell: with a corner beyond, the axis passes through it, not beside it
 _ORDERS = 16  # number of harmonics around the axis by which a ring is told from a part of a ring
@@ -166,13 +169,19 @@ def _check_even(middle: np.ndarray, weight: np.ndarray, width: float, what: str,
 
 
 def is_transversal(stiffness: np.ndarray, rotation: SteadyMotion) -> bool:
-    """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is."""
-    axis = _axis(rotation)
-    # A turn by 1 rad is no symmetry of any crystal: what it leaves as it is, every turn does.
-    K = np.cross(axis, np.eye(3)).T
-    R = np.eye(3) + np.sin(1.0) * K + (1.0 - np.cos(1.0)) * K @ K
-    turned = np.einsum("ip,jq,kr,ls,pqrs->ijkl", R, R, R, R, stiffness, optimize=True)
-    return bool(np.abs(turned - stiffness).max() <= _REVOLUTION * np.abs(stiffness).max())
+    """Return whether turning about the axis leaves a stiffness tensor (3, 3, 3, 3) as it is, but for rounded moduli.
+
+    That is, no strain has an energy that is farther from its mean over a turn than `_ALIKE` of this mean. By Rayleigh's
+    quotient a frequency of the body is then within half as much of that with the mean tensor.
+    """
+    K = np.cross(_axis(rotation), np.eye(3)).T
+    turned = []
+    for angle in 2 * np.pi * np.arange(_TURNS) / _TURNS:
+        R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+        turned.append(np.einsum("ip,jq,kr,ls,pqrs->ijkl", R, R, R, R, stiffness, optimize=True))
+    i, j = np.array(VOIGT).T
+    own, mean = (C[i[:, None], j[:, None], i, j] for C in (stiffness, np.mean(turned, axis=0)))
+    return bool(np.abs(la.eigvalsh(own - mean, mean)).max() <= _ALIKE)
 
 
 def _axis(rotation: SteadyMotion) -> np.ndarray:

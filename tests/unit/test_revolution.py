@@ -106,6 +106,32 @@ def test_material_may_have_the_axis_of_the_body_only():
     assert not revolution.is_transversal(stiffness_tensor(across, material_axes((0, 1, 0), (0, 0, 1))), axis)
 
 
+@pytest.mark.parametrize(
+    ("changed", "is_one"),
+    [
+        ({}, True), ({"shear_modulus": [2e9, 2e9, 3.46e9]}, True), ({"shear_modulus": [2e9, 2e9, 3.45e9]}, False),
+        ({"youngs_modulus": [9e9, 9.005e9, 3e11]}, True), ({"youngs_modulus": [9e9, 9.05e9, 3e11]}, False),
+        ({"shear_modulus": [2e9, 2.01e9, 9e9 / 2.6]}, False),
+    ],
+)  # fmt: skip
+def test_moduli_may_be_rounded(changed, is_one):
+    """However stiff the material is along its axis, each value counts beside the others of its kind."""
+    given = {"youngs_modulus": [9e9, 9e9, 3e11], "poisson_ratio": [0.01, 0.01, 0.3], "density": 2e3,
+             "shear_modulus": [2e9, 2e9, 9e9 / 2.6], **changed}  # fmt: skip
+    tensor = stiffness_tensor(Material(**given))
+    assert revolution.is_transversal(tensor, about_z(7.0)) == is_one
+    turned = stiffness_tensor(Material(**given), rotation())
+    assert revolution.is_transversal(turned, SteadyMotion(rotation()[2], np.zeros(3))) == is_one
+
+
+def test_the_message_has_the_shear_modulus_that_is_expected():
+    ply = {"youngs_modulus": [9e9, 9e9, 3e9], "poisson_ratio": [0.2, 0.2, 0.3], "density": 2e3,
+           "shear_modulus": [2e9, 2e9, 3.6e9]}  # fmt: skip
+    mesh = annulus("hex1", (1, 8, 1), INNER, OUTER, 0.02)
+    with pytest.raises(SceneError, match=r"nu12\)\) = 3.46154e\+09 Pa to some 0.1 %; given G12 = 3.6e\+09 Pa$"):
+        make_problem(mesh, order=1, materials={"ply": ply}, effects=ROTATION)
+
+
 def around(mesh, group, part):
     """Return the mesh with the group cut down to the facets whose middle has an angle in `part`."""
     facets = mesh.boundaries[group]
