@@ -10,37 +10,65 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from .spaces import DisplacementSpace
-from .ties import Tie
 
 _HELD = 1e-9  # displacement at supports, of a motion of order one, that still counts as rounding
 
 
 def rigid_motions(space: DisplacementSpace) -> np.ndarray:
-    """Return the rigid motions (n, k) of every connected part of the mesh that its supports allow.
+    """Return the rigid motions (n, k) of all parts of the mesh that its supports and ties allow.
 
     A part turns about its centre, by an angle that moves its nodes by one in the mean. Elastic stiffness leaves all
-    these motions free; springs and contacts may hold them. Parts whose mean motion is held together may move against
-    each other, so that what is held is looked at for all of them at once.
+    these motions free; springs and contacts may hold them. Parts that share nodes or are tied move alike there: if that
+    is a point, as of a ball joint, or a line, as of a hinge, they turn against each other. What is held is therefore
+    looked at for all parts at once that are joined, or whose mean motion is held together.
     """
-    part = connected_parts(space)
-    together = [np.unique(part[tie.nodes]) for tie in space.ties if tie.fixed.any()]
-    group = _connected(part.max() + 1, *_members(together))
+    node, part, _ = firm_parts(space)
+    group = _groups(space)[node]
     columns = []
     for i in range(group.max() + 1):
-        parts = [np.flatnonzero(part == p) for p in np.flatnonzero(group == i)]
-        nodes = np.concatenate(parts)
-        R = la.block_diag(*(_motions_of(space.coordinates[p]) for p in parts))  # (3 nodes, 6 parts)
-        rows = (3 * nodes[:, None] + np.arange(3)).ravel()
-        held = np.vstack([R[space.fixed[rows]], *(_held_by(tie, nodes, R) for tie in space.ties)])
+        nodes, parts = node[group == i], part[group == i]
+        own = np.split(nodes, np.flatnonzero(np.diff(parts)) + 1)
+        R = sp.csr_array(sp.block_diag([_motions_of(space.coordinates[p]) for p in own]))  # (3 nodes, 6 parts)
+        held, turn = _constraints(space, nodes, parts, R), np.eye(R.shape[1])
         if len(held):
             _, s, turn = la.svd(held, full_matrices=held.shape[0] < R.shape[1])
             s = np.append(s, np.zeros(R.shape[1] - len(s)))
-            R = R @ turn[s <= _HELD * np.sqrt(len(held))].T
-        for column in R.T:
+            turn = turn[s <= _HELD * np.sqrt(len(held))]
+        for column in (R @ turn.T).T:
             nodal = np.zeros(3 * space.nodes)
-            nodal[rows] = column
+            nodal[_components(nodes)] = column
             columns.append(space.gather(nodal.reshape(-1, 3)))
     return np.stack(columns, axis=1) if columns else np.zeros((space.unknowns, 0))
+
+
+def firm_parts(space: DisplacementSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the parts of the mesh that are connected by facets.
+
+    Elements with a facet in common do not turn against each other; those with no more than an edge or a node do.
+
+    Returns
+    -------
+    node, part : (m,) int
+        The nodes of one part after the other, ascending in each, and the numbers of the parts. A node may be in
+        several.
+    of_element : (elements,) int
+        The part of each element.
+    """
+    mesh, nodes = space.mesh, space.dofs.element_dofs
+    inner = mesh.f2t[:, mesh.f2t[1] >= 0]
+    graph = sp.coo_array((np.ones(inner.shape[1], bool), (inner[0], inner[1])), shape=(mesh.nelements,) * 2)
+    count, of_element = connected_components(graph, directed=False)
+    owner = np.broadcast_to(of_element, nodes.shape).ravel()
+    members = sp.csr_array((np.ones(nodes.size, bool), (owner, nodes.ravel())), shape=(count, space.nodes))
+    part, node = members.nonzero()
+    return node, part, of_element
+
+
+def _groups(space: DisplacementSpace) -> np.ndarray:
+    """Return the number of the group of each node, (nodes,) int: joined, or their mean motion held together."""
+    joined = connected_parts(space)
+    together = [np.unique(joined[tie.nodes]) for tie in space.ties if tie.fixed.any()]
+    return _connected(joined.max() + 1, *_members(together))[joined]
 
 
 def _motions_of(x: np.ndarray) -> np.ndarray:
@@ -51,13 +79,31 @@ def _motions_of(x: np.ndarray) -> np.ndarray:
     return np.stack([m.ravel() for m in motions], axis=1)
 
 
-def _held_by(tie: Tie, nodes: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return how far motions R (3 nodes, 6) of some nodes move the held freedoms of a tie's reference point."""
-    place = np.full(max(int(nodes.max()), int(tie.nodes.max())) + 1, -1)
-    place[nodes] = np.arange(len(nodes))
-    at = place[tie.nodes]
-    moved = np.where((at >= 0)[:, None, None], R.reshape(-1, 3, R.shape[1])[at], 0.0)
-    return np.asarray((tie.motion @ moved.reshape(-1, R.shape[1]))[tie.fixed])
+def _components(nodes: np.ndarray) -> np.ndarray:
+    """Return the rows of the components of displacements of nodes."""
+    return (3 * nodes[:, None] + np.arange(3)).ravel()
+
+
+def _constraints(space: DisplacementSpace, nodes: np.ndarray, parts: np.ndarray, R: sp.csr_array) -> np.ndarray:
+    """Return what supports, shared nodes and ties do not allow of motions R (3 m, k) of parts, (constraints, k).
+
+    Parameters
+    ----------
+    nodes, parts : (m,) int
+        The nodes of each part, one part after the other.
+    """
+    place = np.full(space.nodes, -1)
+    place[nodes] = np.arange(len(nodes))  # in one of the parts that share a node
+    again = np.flatnonzero(place[nodes] != np.arange(len(nodes)))
+    found = [R[space.fixed[_components(nodes)]], R[_components(again)] - R[_components(place[nodes[again]])]]
+    for tie in space.ties:
+        at = place[tie.nodes]
+        if at.min() < 0 or not (tie.fixed.any() or (tie.rigid and np.ptp(parts[at]))):
+            continue
+        u = R[_components(at)]
+        # Of a rigid body B B⁺u is the nearest motion that it allows, with what is held in it.
+        found.append(u - tie.block @ (tie.inverse @ u) if tie.rigid else sp.csr_array(tie.motion[tie.fixed]) @ u)
+    return np.vstack([rows.toarray() for rows in found])
 
 
 def connected_parts(space: DisplacementSpace) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..assembly.discretisation import Discretisation, discretisation_of
-from ..fem.rigid_motions import connected_parts
+from ..fem.rigid_motions import firm_parts
 from ..problem.problem import Problem
 
 _RANK = 1e-6  # rounding of motions whose size is about one
@@ -31,17 +31,17 @@ def free_motion_warnings(problem: Problem) -> list[str]:
 
 
 def _moving_parts(discretisation: Discretisation, Z: np.ndarray) -> list[str]:
-    """Return words for each connected part of the mesh that can move, from the k free motions Z (n, k)."""
+    """Return words for each part of the mesh, connected by facets, that can move, from the k free motions Z (n, k)."""
     space = discretisation.space
     nodal = np.stack([space.expand(z) for z in Z.T], axis=2)  # (nodes, 3, k)
-    part = connected_parts(space)
+    node, part, of_element = firm_parts(space)
     owners: dict[int, list[str]] = {}
     for name, elements in discretisation.bodies.items():
-        for i in np.unique(part[space.dofs.element_dofs[:, elements]]).tolist():
+        for i in np.unique(of_element[elements]).tolist():
             owners.setdefault(i, []).append(name)
     found = []
     for i, names in sorted(owners.items()):
-        nodes = part == i
+        nodes = node[part == i]
         motions = _describe(rigid_part(space.coordinates[nodes], nodal[nodes]))
         if motions:
             label = f"body {names[0]}" if len(names) == 1 else f"bodies {' and '.join(names)}, which share nodes,"

@@ -68,6 +68,24 @@ def test_two_free_bodies(kind):
     np.testing.assert_allclose(modes.frequency_hz[13:20:2], alone.frequency_hz[6:10], rtol=1e-9)
 
 
+@pytest.mark.parametrize(("other", "turns"), [((1, 1, 1), 3), ((0, 1, 1), 1), ((0, 0, 1), 0)])
+@pytest.mark.parametrize(("kind", "order"), [("hex1", 1), ("tet1", 2)])
+def test_blocks_that_share_a_point_a_line_or_a_face(kind, order, other, turns):
+    """A ball joint leaves three rotations of one against the other, a hinge one: as many zeros as K has."""
+    whole = box(kind, (2, 2, 2), (SIDE,) * 3)
+    octant = (whole.p[:, whole.t].mean(axis=1) > SIDE / 2).T
+    both = (octant == 0).all(axis=1) | (octant == other).all(axis=1)
+    mesh = whole.restrict(np.flatnonzero(both)).with_boundaries({"end": lambda x: x[2] < 1e-9})
+    mesh = mesh.with_subdomains({"block": np.arange(mesh.nelements)})
+    for supports, whole_motions in (([], 6), ([{"surface": "end", "fixed": "xyz"}], 0)):
+        problem = make_problem(mesh, order=order, supports=supports)
+        stiff = np.linalg.eigvalsh(problem.pencil().K.toarray())
+        found = problem.free_motions().motions
+        assert np.count_nonzero(np.abs(stiff) < 1e-9 * stiff[-1]) == whole_motions + turns == found.shape[1]
+        assert np.linalg.matrix_rank(found) == found.shape[1]
+        assert problem.is_held() == (not found.shape[1])
+
+
 @pytest.mark.parametrize("kind", ["hex1", "tet1"])
 def test_rigid_modes_of_distorted_order_one(kind):
     """Linear displacements on straight, distorted cells carry all rigid motions."""

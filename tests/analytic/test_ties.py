@@ -15,6 +15,7 @@ from fe_squeal.assembly.forces import force_balance
 from fe_squeal.errors import SceneError
 from fe_squeal.fem.ties import averaged_tie, rigid_columns
 from fe_squeal.mesh.groups import NodeSet
+from fe_squeal.run.free import free_motion_warnings
 from meshes import STEEL, box, frequencies, join, make_problem
 
 SIZE = (0.1, 0.06, 0.04)
@@ -200,6 +201,43 @@ def test_parts_in_one_rigid_body_move_together():
     assert abs(tied.pencil().K @ tied.free_motions().motions).max() < 1e-9 * abs(tied.pencil().K).max()
     held = make_problem(mesh, rigid=[{"name": "r", "surface": "both", "fixed": "xyz rx ry rz"}])
     assert held.free_motions().motions.shape[1] == 0
+
+
+def blocks_pinned(pinned, **rigid):
+    """Two blocks side by side, the first one clamped, with corners (y, z) of the faces that touch made rigid: first
+    those of the first block, then those of the other one."""
+    mesh = join(box("hex1", (2, 1, 1), SIZE, name="a"), box("hex1", (2, 1, 1), SIZE, (SIZE[0], 0, 0), name="b"))
+    own = np.arange(mesh.nvertices) * 2 // mesh.nvertices
+    corner = [(i, SIZE[0], SIZE[1] * y, SIZE[2] * z) for i, side in enumerate(pinned) for y, z in side]
+    nodes = np.sort([np.abs(np.vstack([own, mesh.p]).T - c).sum(axis=1).argmin() for c in corner])
+    loaded = replace(fe_squeal.from_skfem(mesh), node_groups={"PIN": NodeSet(nodes, nodes)})
+    scene = {"mesh": {"file": "none.msh", "order": 1}, "materials": {"steel": STEEL},
+             "bodies": {name: {"material": "steel"} for name in "ab"},
+             "supports": [{"surface": "left_a", "fixed": "xyz"}],
+             "rigid": [{"name": "pin", "nodes": "PIN", **rigid}]}  # fmt: skip
+    return fe_squeal.assemble(fe_squeal.parse_scene(scene), loaded)
+
+
+CORNERS = [(0, 0), (1, 0), (0, 1), (1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("pinned", "rigid", "turns"),
+    [
+        (([(0, 0)], [(0, 0)]), {}, 3), (([(0, 0)], [(0, 0)]), {"reference": [0.0, 0.0, 0.5]}, 3),
+        ((CORNERS, [(1, 0)]), {}, 3), ((CORNERS, CORNERS[:2]), {}, 1), ((CORNERS, CORNERS[:3]), {}, 0),
+        ((CORNERS, CORNERS[:2]), {"fixed": "xyz rx ry rz"}, 1),
+    ],
+)  # fmt: skip
+def test_a_rigid_body_with_a_point_or_a_line_of_a_block_is_a_joint(pinned, rigid, turns):
+    """A pin leaves three rotations of the other block, a hinge one: as many zeros as K has, and they are told."""
+    problem = blocks_pinned(pinned, **rigid)
+    stiff = np.linalg.eigvalsh(dense(problem)[0])
+    found = problem.free_motions().motions
+    assert np.count_nonzero(np.abs(stiff) < 1e-9 * stiff[-1]) == turns == found.shape[1]
+    assert problem.is_held() == (not turns)
+    told = free_motion_warnings(problem)
+    assert len(told) == bool(turns) and all("body b turns about" in line and "body a" not in line for line in told)
 
 
 def test_a_free_rigid_part_beside_an_elastic_one():
