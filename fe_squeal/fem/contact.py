@@ -15,7 +15,7 @@ from .cells import geometry_map
 from .closing import default_gap_tolerance
 from .facets import facet_points, scattered_quadrature
 from .meeting import locate_along
-from .motion import SteadyMotion
+from .motion import SteadyMotion, is_flat
 from .spaces import ROUNDED, DisplacementSpace
 
 _MOST_PARTS = 8  # largest number of parts that a pad facet's edge is cut into for quadrature if meshes do not match
@@ -103,7 +103,9 @@ def contact_operators(
     """
     parts = 1 if counter_facets is None else _parts(space.mesh, pad_facets, counter_facets)
     pad = space.surface(pad_facets, parts)
-    n = _normals(pad.points, pad.normals, sliding)
+    # Decided for the whole surface: of a drum a column of facets is flat by itself.
+    curving = None if sliding is None or is_flat(pad.normals) else sliding
+    n = _normals(pad.points, pad.normals, curving)
     values, separation, keep = pad.values, np.zeros(len(pad.points)), np.ones(len(pad.points), bool)
     if counter_facets is not None:
         tolerance = gap_tolerance
@@ -113,12 +115,12 @@ def contact_operators(
         reach = max(tolerance, touching)
         locate = partial(locate_along, space.mesh, counter_facets, farthest=reach)
         hit, corners = locate(pad.points, n), _corners(space, pad_facets)
-        beyond = locate(corners[0], _normals(*corners, sliding))
+        beyond = locate(corners[0], _normals(*corners, curving))
         inside = np.hstack([(np.abs(at.distance) <= reach).reshape(len(pad_facets), -1) for at in (hit, beyond)])
         cut = np.asarray(inside.any(axis=1) & ~inside.all(axis=1))  # facets of which a part alone meets the counterface
         if cut.any():
             rim = space.surface(pad_facets[cut], quadrature=scattered_quadrature(space.mesh.brefdom))
-            across = _normals(rim.points, rim.normals, sliding)
+            across = _normals(rim.points, rim.normals, curving)
             whole = np.repeat(~cut, len(n) // len(cut))
             pad, n = space.surface(pad_facets[~cut], parts).joined(rim), np.concatenate([n[whole], across])
             hit = hit.joined(whole, locate(rim.points, across))
@@ -161,9 +163,12 @@ def contact_operators(
     )
 
 
-def _normals(points: np.ndarray, outward: np.ndarray, sliding: SteadyMotion | None) -> np.ndarray:
-    """Return the normals (q, 3) out of the counterface at points of the pad, from those out of the pad."""
-    return -outward if sliding is None else sliding.normals_across(points, -outward)
+def _normals(points: np.ndarray, outward: np.ndarray, curving: SteadyMotion | None) -> np.ndarray:
+    """Return the normals (q, 3) out of the counterface at points of the pad, from those out of the pad.
+
+    On a curved surface that something slides on they are across its motion `curving`.
+    """
+    return -outward if curving is None else curving.normals_across(points, -outward)
 
 
 def _corners(space: DisplacementSpace, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -56,14 +56,13 @@ class SteadyMotion:
 
         A surface that something slides on steadily is carried into itself, so that its normals are across the velocity.
         Those of a drum with straight edges are not: sliding along a facet that is not tangential would open and close
-        the gap. A flat surface keeps its normal: there it is the direction of sliding that may be slightly off.
+        the gap. A surface that `is_flat` had better keep its normal: there it is the direction of sliding that may be
+        slightly off.
 
         Parameters
         ----------
         points, normals : (q, 3) float
         """
-        if not len(normals) or np.linalg.norm(normals - normals.mean(axis=0), axis=1).max() <= _FLAT:
-            return normals
         v = self.velocities(points)
         square = np.sum(v**2, axis=1, keepdims=True)
         slides = square > (_AT_REST**2) * square.max(initial=0.0)
@@ -84,3 +83,8 @@ class SteadyMotion:
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
         slides = size > _AT_REST * np.linalg.norm(v, axis=1).max(initial=0.0)
         return np.divide(tangential, size, out=np.zeros_like(tangential), where=slides)
+
+
+def is_flat(normals: np.ndarray) -> bool:
+    """Return whether a surface is flat, from its normals (q, 3)."""
+    return bool(np.linalg.norm(normals - normals.mean(axis=0), axis=1).max() <= _FLAT)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from selection import some
@@ -51,6 +53,24 @@ def test_rings_turn_freely_in_each_other(kind, pad, contact):
         found = [f[np.argmin(np.abs(f - exact))] for f in (soft, stiff)]
         assert found[0] == pytest.approx(exact, rel=0.01)  # a polygon for a circle; the rings bend a little
         assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+@pytest.mark.parametrize("pad", ["bush", "ring"])
+def test_a_sector_that_ends_within_a_facet_turns_freely(kind, pad):
+    """The facets that are half covered, all in one column, are part of a drum and not a flat face."""
+    mesh = rings(kind)
+    counter = {"bush": "hub_ring", "ring": "rim_bush"}[pad]
+    x, y, _ = mesh.p[:, mesh.facets[:, mesh.boundaries[counter]]].mean(axis=1)
+    cut = mesh.boundaries[counter][(np.arctan2(y, x) > 0) & (np.arctan2(y, x) < 0.7)]
+    problem = drum(replace(mesh, _boundaries={**mesh.boundaries, counter: cut}), pad=pad)
+    space, operators = problem.discretisation.space, problem.discretisation.contacts["c"]
+    assert 0.05 < operators.coverage < 0.15
+    for body in ("bush", "ring"):
+        turn = np.zeros_like(space.coordinates)
+        nodes = np.unique(space.dofs.element_dofs[:, problem.discretisation.bodies[body]])
+        turn[nodes] = np.cross([0.0, 0.0, 1.0], space.coordinates[nodes])
+        assert np.abs(operators.gap @ space.gather(turn)).max() < 1e-12 * FACE
 
 
 @pytest.mark.parametrize("kind", ["hex1", "tet1"])
