@@ -251,7 +251,7 @@ class Assembly:
             scene.materials, tuple(holding(scene)),
             tuple((key, tie, table) for (key, table), tie in zip(scene.ties, self.space.ties, strict=False)),
             scene.effects.on, partial(number_at, scene), self._cache, linear_solver=self._linear_solver,
-            springs=tuple(scene.springs),
+            springs=tuple(scene.springs), moved=self.scene.moved,
         )  # fmt: skip
 
     def _describer(self, context: Context) -> Describer | None:

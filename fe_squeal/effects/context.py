@@ -166,6 +166,8 @@ class Context:
     cache : Cache
         Keeps what was made, from one value of a sweep to the next.
     springs : tuple of Spring
+    moved : frozenset of str
+        Paths of the numbers that the scene's sweep or study changes.
     static : tuple of Term
         Stiffnesses of bodies, springs and tied contacts.
     motions : mapping of body to SteadyMotion
@@ -187,6 +189,7 @@ class Context:
     number: Callable[[str], float]
     cache: Cache
     springs: tuple[Spring, ...] = ()
+    moved: frozenset[str] = frozenset()
     static: tuple[Term, ...] = ()
     motions: Mapping[str, SteadyMotion] = field(default_factory=dict)
     static_state: StaticState | None = None

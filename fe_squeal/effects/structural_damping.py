@@ -39,10 +39,11 @@ class StructuralDamping(Effect):
         return structural_terms(self, body.name, factor, f"{body.material_path}.loss_factor", body.elastic)
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
-        """Return a sentence where nothing is damped."""
-        if any(m.loss_factor for m in context.materials.values()):
+        """Return a sentence where nothing is damped, neither as it is nor where the sweep or the study goes."""
+        bodies = context.bodies.values()
+        if any(b.material.loss_factor or f"{b.material_path}.loss_factor" in context.moved for b in bodies):
             return []
-        return ["effects.structural_damping has no effect: no material has a loss_factor"]
+        return ["effects.structural_damping has no effect: no material of a body has a loss_factor"]
 
     @classmethod
     def warnings_without(cls, context: Context) -> list[str]:

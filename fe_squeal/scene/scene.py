@@ -126,17 +126,21 @@ class Scene(BaseScene):
         return (*on, *(kind.name for kind in self.effects.known if kind.name in own and kind.name not in on))
 
     @property
+    def moved(self) -> frozenset[str]:
+        """Paths of the numbers that the sweep or the study changes."""
+        names = [self.sweep.parameter] if self.sweep is not None else []
+        names += self.study.names if self.study is not None else []
+        return frozenset(path for name in names for path in paths_of(name))
+
+    @property
     def idle_tables(self) -> tuple[str, ...]:
         """Paths of the tables of effects that do nothing, neither as they are nor where the sweep or the study goes.
 
         A body's own table does something where it replaces one of the whole model that does.
         """
-        moved = [self.sweep.parameter] if self.sweep is not None else []
-        moved += self.study.names if self.study is not None else []
-        paths = [path for name in moved for path in paths_of(name)]
 
         def acts(table: Effect, at: str) -> bool:
-            return table.acts or any(path.startswith(f"{at}.") for path in paths)
+            return table.acts or any(path.startswith(f"{at}.") for path in self.moved)
 
         acting = {name for name, table in self.effects.on.items() if acts(table, f"effects.{name}")}
         own = [(f"bodies.{body}.{name}", table) for body in self.bodies

@@ -107,6 +107,31 @@ def test_damping_of_zero_is_told_and_is_no_effect_that_is_on(effects, own, more,
     assert any(term.slot == "C" for term in problem.terms) == (DAMPED in (effects, own))
 
 
+LOSSY = {"structural_damping": {}}
+NO_LOSS = ["effects.structural_damping has no effect: no material of a body has a loss_factor"]
+
+
+def loss_over(material):
+    return {"sweep": {"parameter": f"materials.{material}.loss_factor", "from": 0.0, "to": 0.1, "points": 2}}
+
+
+@pytest.mark.parametrize(
+    ("loss", "more", "said"),
+    [
+        ({}, {}, NO_LOSS),
+        ({"steel": 0.1}, {}, []),
+        ({"unused": 0.1}, {}, NO_LOSS),
+        ({}, loss_over("steel"), []),
+        ({}, loss_over("unused"), NO_LOSS),
+        ({}, {"study": {"parameters": {"materials.steel.loss_factor": {"uniform": {"low": 0.0, "high": 0.1}}}}}, []),
+    ],
+)  # fmt: skip
+def test_structural_damping_of_no_body_is_told(loss, more, said):
+    """Unless the sweep or the study gives a material of a body a loss factor."""
+    materials = {name: {**STEEL, "loss_factor": loss.get(name, 0.0)} for name in ("steel", "unused")}
+    assert told(blocks(), materials=materials, contacts=[PAD], effects=LOSSY, **more) == said
+
+
 def test_hexahedra_on_tetrahedra_that_cut_their_faces_the_other_way_are_told():
     """They share all nodes. Where the diagonals of the hexahedra, which are split, are the same, they are joined."""
     z = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])

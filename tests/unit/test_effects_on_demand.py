@@ -144,7 +144,7 @@ def test_structural_damping_without_loss_is_no_term():
         materials={"steel": STEEL, "lining": {**STEEL, "youngs_modulus": 5e9}},
     )
     assert problem.problem_class == "nonsymmetric"
-    assert any("no material has a loss_factor" in w for w in problem.discretisation.warnings)
+    assert any("no material of a body has a loss_factor" in w for w in problem.discretisation.warnings)
 
 
 @pytest.mark.parametrize(
