@@ -22,7 +22,7 @@ from .islands import islands
 from .models import DirectModel, Solver
 from .points import sobol_points
 from .seeds import Seed, seeds_on_lines
-from .solving import TRAINED, Options, Solving
+from .solving import TRAINED, Options, Solving, check_value
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,7 +119,8 @@ def stability_map(
     Raises
     ------
     SceneError
-        An axis is wrong, the problem does not have its parameter, or nothing depends on it.
+        An axis is wrong or has values that the scene does not allow, the problem does not have its parameter, or
+        nothing depends on it.
     NotConvergedError
         A direct solve failed, or the scheduler is gone.
 
@@ -141,6 +142,12 @@ def stability_map(
             example = '{"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}'
             raise SceneError(f"stability_map: {key}: given {axis!r:.60}; expected an axis, as {example}")
     tables = [a if isinstance(a, Axis) else validated(Axis, dict(a), key) for key, a in (("x", x), ("y", y))]
+    for key, table in zip("xy", tables, strict=True):
+        for value in (table.start, table.stop):
+            try:
+                check_value(problem, table.parameter, value, options.get("scene"))
+            except SceneError as error:
+                raise SceneError(f"stability_map: {key}: {error}") from error
     first, second = (Scaled(a.parameter, a.start, a.stop, a.scale == "log") for a in tables)
     axes, grids = (first, second), (tables[0].grid, tables[1].grid)
     names = (first.name, second.name)

@@ -15,7 +15,7 @@ from ..scene.study import Distribution, StudySection
 from .outcome import COLUMNS, MODE_COLUMNS
 from .points import Scatter, sobol_points
 from .scatter_result import OWN_COLUMNS, ScatterResult
-from .solving import TRAINED, Options, Solving
+from .solving import TRAINED, Options, Solving, check_value
 
 SAMPLES = 1000  # samples, if their number is not given
 _SEEDS = 1_000_003  # difference between the seeds of points for different purposes
@@ -106,7 +106,7 @@ def scatter(
     again = np.random.default_rng([seed, _SEEDS]).random((q, d))
     redrawn = np.stack([whole.values(whole.redrawn(z[:q], i, again[:, i])) for i in range(d)])
     places = np.vstack([points, *redrawn])
-    _check_values(options.get("scene") or problem, names, places, tables)
+    _check_values(problem, names, places, options.get("scene"))
     if (scene := options.get("scene")) is not None:
         _check_together(scene, names, places)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -145,7 +145,7 @@ def _edges(bands: Sequence[float] | None, modes: np.ndarray, known: float) -> np
 
 
 def _check_values(
-    of: Problem | Scene, names: Sequence[str], points: np.ndarray, tables: Mapping[str, Distribution]
+    problem: Problem, names: Sequence[str], points: np.ndarray, scene: Scene | None
 ) -> None:
     """Refuse a distribution that leaves what is allowed, at its least and its largest value (m, d).
 
@@ -154,16 +154,12 @@ def _check_values(
     SceneError
         A distribution reaches a value that the scene does not allow.
     """
-    from ..problem.parameters import paths_of
-    from ..scene.numbers import with_numbers
-
     for i, name in enumerate(names):
         for value in (float(points[:, i].min()), float(points[:, i].max())):
             try:
-                if isinstance(of, Problem):
-                    of.at({name: value}) if of.has(name) else of.value(name)
-                else:
-                    with_numbers(of, dict.fromkeys(paths_of(name), value))
+                check_value(problem, name, value, scene)
+                if scene is None:
+                    problem.at({name: value}) if problem.has(name) else problem.value(name)
             except SceneError as error:
                 expected = str(error).rpartition("expected ")[2]  # what the message about the value itself ends with
                 raise SceneError(

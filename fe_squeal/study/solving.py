@@ -10,9 +10,11 @@ import numpy as np
 
 from ..eigen.request import Request
 from ..errors import SceneError
+from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..problem.terms import check_terms
 from ..scene import Scene
+from ..scene.numbers import with_numbers
 from ..sweep.sweep import MODES
 from .engine import Parts, solve_places
 from .models import make_solver
@@ -77,6 +79,22 @@ def check_method(method: str, key: str = "method") -> None:
     """
     if method not in METHODS:
         raise SceneError(f'{key}: given "{method}", which studies do not have; expected {", ".join(METHODS)}')
+
+
+def check_value(problem: Problem, name: str, value: float, scene: Scene | None = None) -> None:
+    """Refuse a value of a parameter that the scene, by default the one that the problem was assembled from, refuses.
+
+    There 0 is allowed for what multiplies terms, whatever the scene says: with it a term is not there.
+
+    Raises
+    ------
+    SceneError
+    """
+    values = dict.fromkeys(paths_of(name), value)
+    if scene is not None:
+        with_numbers(scene, values)
+    elif problem.source is not None and (value or not problem.is_affine(name)):
+        problem.source.check(values)
 
 
 class Solving:

@@ -63,6 +63,35 @@ def test_numbers_without_effect_and_distributions_that_leave_the_range_are_refus
         fe_squeal.scatter(problem, wide, samples=64, scene=scene)
 
 
+STIFFNESS = "contacts.belt.normal_stiffness"
+
+
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize(
+    ("path", "mean", "deviation", "expected"),
+    [(STIFFNESS, 1e8, 1e8, "a number > 0"), ("mu", 0.1, 0.2, "mu >= 0"), ("materials.steel.density", 1e3, 1e3, "a")],
+)
+def test_values_that_the_scene_of_a_problem_does_not_allow_are_refused(path, mean, deviation, expected, given):
+    """Also where a script hands over the problem alone; slip damping makes a negative friction coefficient wrong."""
+    scene = parse_scene({**SCENE, "effects": {"friction": {"mu": 0.3}, "friction_damping": {"contact_pressure": 1e6}}})
+    problem, more = fe_squeal.assemble(scene), {"scene": scene if given else None}
+    with pytest.raises(SceneError, match=f"the distribution of {path} reaches -.*; expected {expected}"):
+        fe_squeal.scatter(problem, {path: {"normal": {"mean": mean, "deviation": deviation}}}, samples=64, **more)
+    axis = {"parameter": path, "from": mean - 1.1 * deviation, "to": mean, "points": 3}
+    other = {"parameter": "springs.across.stiffness", "from": 1e7, "to": 2e7, "points": 3}
+    for i, axes in enumerate([(axis, other), (other, axis)]):
+        with pytest.raises(SceneError, match=f"^stability_map: {'xy'[i]}: {path} = -.* expected {expected}"):
+            fe_squeal.stability_map(problem, *axes, **more)
+
+
+def test_a_stiffness_of_zero_is_a_contact_that_is_not_there():
+    """As in a sweep: a scene does not allow it, and a problem has no such term then."""
+    problem = fe_squeal.assemble(parse_scene(SCENE))
+    two = {STIFFNESS: {"values": [0.0, 3.125e8]}}
+    frame = fe_squeal.scatter(problem, two, samples=8, modes=2, indices=False).samples
+    assert set(frame[STIFFNESS]) == {0.0, 3.125e8} and not frame["error"].isna().any()
+
+
 def test_a_scene_is_written_as_it_was(tmp_path):
     path = tmp_path / "a" / "scene.toml"
     path.parent.mkdir()
