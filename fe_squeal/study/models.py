@@ -18,6 +18,7 @@ from ..eigen.linear.factor import LinearSolver
 from ..eigen.request import Request, is_beside
 from ..eigen.solve import solve_modes
 from ..errors import MeshError, NotConvergedError, SceneError
+from ..problem.dependence import depends_on
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
 from ..reduced import BoxModel, OnlineModel
@@ -234,13 +235,5 @@ def _require_effect(problem: Problem, name: str, low: float, high: float) -> Non
         The problem does not have the parameter, or nothing depends on it.
     """
     problem.value(name)  # raises SceneError if the problem does not have it
-    if problem.is_affine(name):
-        depends = any(t.powers.get(p, 0) and t.matrix.nnz for t in problem.terms for p in paths_of(name))
-    else:
-        a, b = (problem.pencil({name: v}) for v in (low, high))
-        depends = any(
-            (x is None) != (y is None) or (x is not None and abs(x - y).max() > 0)
-            for x, y in ((a.M, b.M), (a.C, b.C), (a.K, b.K))
-        )
-    if not depends:
+    if not depends_on(problem, name, (low, high)):
         raise SceneError(f'study: given "{name}", on which nothing in the problem depends; expected another parameter')

@@ -118,6 +118,7 @@ def sweep(
     from ..eigen.threads import one_openblas_thread
     from ..problem.terms import check_terms
     from .running import RunningSweep
+    from .warnings import flat_warnings
 
     _check_request(modes, max_frequency, tolerance, method)
     parameter = parameter_name(parameter)
@@ -130,6 +131,8 @@ def sweep(
     request = Request(None if max_frequency else MODES if modes is None else modes, max_frequency, tolerance)
     tracker = RunningSweep(problem, parameter, request, values, precise, solver)
     known = None if store is None else store.load()
+    if known is None:
+        tracker.told.add(*flat_warnings(problem, parameter, values))
     tracker.reduce(values, method, store, known)
     if known is not None:
         tracker.restore(known)

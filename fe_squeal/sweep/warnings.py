@@ -6,12 +6,30 @@ import numpy as np
 
 from ..eigen.pencil import Modes
 from ..eigen.quality import ROUNDING
+from ..errors import SquealError
+from ..problem.dependence import depends_on
 from ..problem.problem import Problem
 
 _ROUGH = 1e-4  # of a frequency: there is a warning if its error by rounding is larger
 # Of a frequency: there is a warning if the finite stiffness of a tie lowers it by more. Chosen: the error of a mesh is
 # usually of this size.
 _SOFT_TIE = 5e-3
+
+
+def flat_warnings(problem: Problem, parameter: str, values: np.ndarray) -> list[str]:
+    """Return a sentence where nothing in a problem depends on the parameter of a sweep over values (m,).
+
+    Terms that are made anew are compared at its last, first and middle value. What fails there is told by the sweep.
+    """
+    try:
+        if len(values) == 1 or depends_on(problem, parameter, values[[-1, 0, len(values) // 2]].tolist()):
+            return []
+    except SquealError:
+        return []
+    return [
+        f"nothing in the problem depends on {parameter}, so that every branch is flat: effects that read it are not on,"
+        " or do nothing here"
+    ]
 
 
 def rounding_warnings(modes: Modes) -> list[str]:

@@ -190,3 +190,40 @@ def test_a_value_inside_the_sweep_that_the_scene_refuses_is_told_before_anything
     values = np.linspace(-1.0, 1.0, 5)
     with pytest.raises(SceneError, match=r"speed: given 0\.0"):
         sweep(problem, values, "contacts.belt.sliding.speed", modes=4, progress=lambda done, of: pytest.fail("solved"))
+
+
+SLIP = {"friction_damping": {"contact_pressure": 1e5}}
+SPEED = "contacts.belt.sliding.speed"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values", "contact", "effects", "flat"),
+    [
+        (SPEED, [1.0, 2.0, 3.0], {}, {}, True),
+        (SPEED, [1.0, 2.0, 3.0], {}, SLIP, False),
+        (SPEED, [2.0], {}, {}, False),
+        (f"{SPEED}, mu", [0.2, 0.4], {}, {}, False),
+        ("materials.unused.density", [1e3, 2e3], {}, {}, True),
+        ("materials.lining.loss_factor", [0.0, 0.1], {}, {}, True),
+        ("materials.lining.loss_factor", [0.0, 0.1], {}, {"structural_damping": {}}, False),
+        ("materials.lining.poisson_ratio", [0.2, 0.3], {}, {}, False),
+        ("mu", [0.0, 0.4], {}, {}, False),
+        ("mu", [0.0, 0.4], {"friction_ratio": 0.0}, {}, True),
+        ("contacts.belt.friction_ratio", [0.0, 1.0], {"friction_ratio": 0.0}, {}, False),
+        ("contacts.belt.normal_damping", [0.0, 1e3], {}, {}, False),
+    ],
+)  # fmt: skip
+def test_a_sweep_over_a_number_that_nothing_depends_on_is_told(parameter, values, contact, effects, flat):
+    lining = {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}
+    problem = make_problem(
+        box("hex1", (2, 1, 1), (0.08, 0.04, 0.015)), 1, materials={"lining": lining, "unused": lining},
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e10,
+                   "sliding": BELT, **contact}],
+        effects={"friction": {"mu": 0.4}, **effects},
+    )  # fmt: skip
+    result = sweep(problem, values, parameter, modes=4)
+    told = [w for w in result.warnings if w.startswith(f"nothing in the problem depends on {parameter},")]
+    assert len(told) == flat
+    for name in set(result.points[0].branches) if flat else ():
+        lam = np.array([p.modes.lam[p.branches == name] for p in result.points])
+        assert np.ptp(lam.imag) <= 1e-9 * np.abs(lam).max()
