@@ -125,6 +125,41 @@ def check_glue(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
                     check_ring(mesh, mine, motions[body], f"{contact.path}, on {group},", body)
 
 
+def check_sliding(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
+    """Raise where friction would act at another velocity than that of the bodies that rotate.
+
+    Friction takes `sliding` as the motion of the counterface seen from the bodies of the surface. Where these turn and
+    the counterface does not, it is the reverse of their rotation. Where both turn it would be the difference, and is
+    the whole motion of the counterface's body.
+
+    Raises
+    ------
+    SceneError
+    """
+    for contact in context.contacts.values():
+        if contact.motion is None or not contact.slides_with_friction:
+            continue
+        turning = sorted(name for name in contact.carriers if name in motions)
+        for name in sorted(name for name in contact.pads if name in motions):
+            own = motions[name]
+            if turning:
+                raise SceneError(
+                    f'{contact.path}.kind: given "sliding", with friction, and effects.rotation turns body {name}, on'
+                    f" which its surface lies, as well as body {turning[0]} of its counterface; expected a surface that"
+                    ' does not turn, or "frictionless" or "tied" where both turn alike'
+                )
+            seen = SteadyMotion(-own.velocity, own.centre)
+            if contact.motion.centre is None or not turn_alike(contact.motion, seen):
+                axis = contact.motion.velocity * (-1.0 if contact.motion.backward else 1.0)
+                x, y, z = own.velocity
+                raise SceneError(
+                    f"{contact.path}.sliding: given {axis @ contact.motion.velocity / np.linalg.norm(axis):g}"
+                    f" {'m/s' if contact.motion.centre is None else 'rad/s'}, and effects.rotation turns body {name},"
+                    f" on which its surface lies, by ({x:g}, {y:g}, {z:g}) rad/s; expected the motion of the"
+                    " counterface seen from the surface, which is the reverse, or surface and counterface exchanged"
+                )
+
+
 def nodes_of_body(context: Context, name: str) -> np.ndarray:
     """Return the nodes of a body, int, ascending."""
     space, body = context.space, context.bodies[name]

@@ -18,11 +18,13 @@ from .cache import Same
 from .context import BodyPart, Context
 from .effect import Effect, Outline
 from .free_rotors import free_rotors
+from .friction import Friction
 from .rayleigh import Rayleigh
 from .rotating_bodies import (
     check_glue,
     check_material,
     check_shape,
+    check_sliding,
     joined_to_others,
     motion_of_body,
     nodes_of_body,
@@ -99,6 +101,8 @@ class Rotation(Effect):
         for name, motion in motions.items():
             _check(context, context.bodies[name], motion)
         check_glue(context, motions)
+        if context.table(Friction) is not None:
+            check_sliding(context, motions)
         return motions
 
     def body_terms(self, context: Context, body: BodyPart, path: str) -> list[Term]:

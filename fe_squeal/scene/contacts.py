@@ -15,7 +15,8 @@ class SlidingSection(Section):
     """Motion of a counterface: rad/s about an axis through a centre, or m/s along a direction.
 
     Only the direction of the motion counts for the friction force, the speed for its sign; slip damping and rotation
-    need the speed itself.
+    need the speed itself. Friction takes it as the motion seen from the surface: where `[effects.rotation]` turns the
+    bodies of the surface, it is the reverse of their rotation.
 
     Attributes
     ----------

@@ -202,3 +202,48 @@ def test_waves_with_and_against_the_turning_decay_alike_beside_a_rigid_rim():
     pair = lam[order][first : first + 2]
     assert np.ptp(pair.imag) > 1.8 * 900.0
     assert np.ptp(pair.real) < 1e-3 * np.abs(pair.real).mean()
+
+
+PAIR = join(*(annulus("hex1", (1, 12, 1), 0.06, 0.10, 0.01, bottom=z, name=name)
+              for name, z in (("wheel", 0.0), ("pad", 0.01))))  # fmt: skip
+
+
+def rubbing(surface, speed, turning=("wheel",), effects=None, **contact):
+    """A ring on a ring, of which some turn at 20 rad/s, with friction between them."""
+    faces = {"wheel": "top_wheel", "pad": "bottom_pad"}
+    other = "pad" if surface == "wheel" else "wheel"
+    contact = {"name": "c", "surface": faces[surface], "counterface": faces[other], "normal_stiffness": 1e10,
+               "sliding": {"axis": [0, 0, 1], "speed": speed}, **contact}  # fmt: skip
+    effects = {"friction": {"mu": 0.3}} if effects is None else effects
+    return make_problem(PAIR, 1, contacts=[contact], effects={**effects, "rotation": about_z(*turning, speed=20.0)})
+
+
+@pytest.mark.parametrize(
+    ("surface", "speed", "more", "said"),
+    [
+        ("pad", 20.0, {}, None),
+        ("wheel", -20.0, {}, None),
+        ("wheel", 20.0, {}, r"contacts\.c\.sliding: given 20 rad/s, .* turns body wheel, .* \(0, 0, 20\) rad/s;"),
+        ("wheel", -10.0, {}, r"contacts\.c\.sliding: given -10 rad/s"),
+        ("wheel", 20.0, {"counterface": "rigid"}, r"contacts\.c\.sliding: given 20 rad/s"),
+        ("wheel", 5.0, {"sliding": {"direction": [-1, 0, 0], "speed": -5.0}}, r"contacts\.c\.sliding: given -5 m/s"),
+        ("pad", 20.0, {"turning": ("wheel", "pad")}, r"contacts\.c\.kind: .* turns body pad, .* as well as body wheel"),
+        ("pad", 20.0, {"turning": ("wheel", "pad"), "kind": "frictionless", "effects": {}}, None),
+        ("pad", 20.0, {"turning": ("wheel", "pad"), "friction_ratio": 0.0}, None),
+        ("pad", 20.0, {"turning": ("wheel", "pad"), "effects": {}}, None),
+    ],
+)
+def test_friction_acts_at_the_velocity_that_the_bodies_have(surface, speed, more, said):
+    if said is None:
+        rubbing(surface, speed, **more)
+        return
+    with pytest.raises(SceneError, match=said):
+        rubbing(surface, speed, **more)
+
+
+def test_the_surface_of_a_contact_may_be_on_the_body_that_turns():
+    """What slides on what is a matter of names: on faces that match, friction and slip damping are the same."""
+    effects = {"friction": {"mu": 0.3}, "friction_damping": {"contact_pressure": 1e6}}
+    one, other = (rubbing(s, v, effects=effects).pencil() for s, v in (("pad", 20.0), ("wheel", -20.0)))
+    for A, B in ((one.K, other.K), (one.C, other.C)):
+        assert abs(A - B).max() <= 1e-9 * abs(A).max()
