@@ -8,6 +8,7 @@ import numpy as np
 
 from ..effects.context import ContactPart
 from ..effects.friction import Friction
+from ..effects.ties import idle_at_reference
 from ..fem.distortion import shape_condition
 from ..fem.places import nodes_there
 from ..fem.spaces import DisplacementSpace
@@ -103,6 +104,9 @@ def _held(scene: Scene, loaded: LoadedMesh, space: DisplacementSpace) -> Iterabl
         groups = [spring.group, *([spring.to] if spring.to is not None else [])]
         if all(fixed[nodes(g, spring.kind)][:, acts].all() for g in groups):
             yield f"spring {spring.name} has no effect: supports hold all of {' and '.join(groups)} in its direction"
+    for key, table in scene.ties:
+        for what in idle_at_reference(table):
+            yield f'{key}.{what} has no effect: fixed = "{table.fixed}" holds all that it acts on'
 
 
 def _unread(scene: Scene) -> Iterable[str]:
@@ -110,6 +114,8 @@ def _unread(scene: Scene) -> Iterable[str]:
         if body.axes is not None and not scene.materials[body.material].is_orthotropic:
             yield f"bodies.{name}.axes has no effect: the material {body.material} is isotropic"
     for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        if contact.is_rigid and contact.gap_tolerance is not None:
+            yield f"contacts.{name}.gap_tolerance has no effect: the counterface is rigid, and touches everywhere"
         if "friction_ratio" not in contact.model_fields_set or not contact.friction_ratio:
             continue
         key = f"contacts.{name}.friction_ratio"
@@ -124,7 +130,7 @@ def _unread(scene: Scene) -> Iterable[str]:
 def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
     size = float(np.ptp(space.mesh.p, axis=1).max())
     for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
-        if contact.gap_tolerance is not None and contact.gap_tolerance > _LARGE_GAP * size:
+        if contact.gap_tolerance is not None and contact.gap_tolerance > _LARGE_GAP * size and not contact.is_rigid:
             yield (
                 f"contact {name}: gap_tolerance = {contact.gap_tolerance:g} m is"
                 f" {100 * contact.gap_tolerance / size:.3g} % of the model's size; it is in metres always"

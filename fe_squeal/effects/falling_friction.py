@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..schema.section import Positive
 from .context import ContactPart, Context
 from .effect import Effect
 from .friction_damping import FrictionDamping
-from .pressure import check_pressure
+from .pressure import check_pressure, warnings_without_friction
 
 
 class FallingFriction(Effect):
@@ -55,6 +55,10 @@ class FallingFriction(Effect):
             f"falling_friction.{contact.name}", (contact.key, contact.pressure.tobytes(), tuple(powers.items())),
             lambda: falling_friction_terms(contact.name, contact.closed, contact.pressure, powers),
         )  # fmt: skip
+
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence where friction acts in no contact."""
+        return warnings_without_friction(self.name, context)
 
 
 def falling_friction_terms(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..schema.section import Positive
 from .context import ContactPart, Context
 from .effect import Effect
 from .friction import Friction
-from .pressure import check_pressure
+from .pressure import check_pressure, warnings_without_friction
 
 
 class FrictionDamping(Effect):
@@ -61,6 +61,10 @@ class FrictionDamping(Effect):
             (contact.key, contact.pressure.tobytes(), speed.tobytes(), tuple(powers.items())),
             lambda: friction_damping_terms(contact.name, contact.closed, contact.pressure, speed, powers),
         )
+
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence where friction acts in no contact."""
+        return warnings_without_friction(self.name, context)
 
 
 def friction_damping_terms(

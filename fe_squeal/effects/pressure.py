@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from .context import Context
 from .effect import Effect
 from .preload import Preload
 
@@ -30,3 +31,14 @@ def check_pressure(
         raise ValueError(
             f"given {name} without a pressure; expected {name}.contact_pressure, or [effects.preload]"
         )
+
+
+def warnings_without_friction(name: str, context: Context) -> list[str]:
+    """Return a sentence for an effect of friction, by its name, where friction acts in no contact that slides.
+
+    Not where the sweep or the study gives one of them a ratio.
+    """
+    sliding = [c for c in context.contacts.values() if c.kind == "sliding"]
+    if any(c.slides_with_friction or f"{c.path}.friction_ratio" in context.moved for c in sliding):
+        return []
+    return [f"effects.{name} has no effect: friction_ratio is 0 in every contact that slides"]

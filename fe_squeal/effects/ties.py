@@ -117,6 +117,21 @@ def inertia_tensor(numbers: Sequence[float]) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+def idle_at_reference(table: Rigid) -> list[str]:
+    """Return the keys of mass, inertia and springs at a reference that act on nothing but freedoms that are held.
+
+    Inertia about an axis that is held acts on the others where the body rotates.
+    """
+    shift, turn = ~table.held[:3], ~table.held[3:]
+    idle = ["mass"] if table.mass and not shift.any() else []
+    idle += ["inertia"] if any(table.inertia or ()) and not turn.any() else []
+    for i, spring in enumerate(table.springs):
+        way, free = (spring.direction, shift) if spring.direction is not None else (spring.axis, turn)
+        if not np.array(way)[free].any():
+            idle.append(f"springs[{i}]")
+    return idle
+
+
 def tie_terms(space: DisplacementSpace, tie: Tie, table: Rigid, path: str) -> list[Term]:
     """Return mass and springs at a tie's reference point, only those that are not zero.
 

@@ -132,6 +132,47 @@ def test_structural_damping_of_no_body_is_told(loss, more, said):
     assert told(blocks(), materials=materials, contacts=[PAD], effects=LOSSY, **more) == said
 
 
+@pytest.mark.parametrize(
+    ("fixed", "said"),
+    [
+        ("", []),
+        ("x ry", []),
+        ("z", ["springs[0]"]),
+        ("xyz", ["mass", "springs[0]", "springs[1]"]),
+        ("rx rz", ["springs[2]"]),
+        ("rx ry rz", ["inertia", "springs[2]"]),
+    ],
+)
+@pytest.mark.parametrize("ties", ["rigid", "averaged"])
+def test_what_acts_on_held_freedoms_of_a_reference_alone_is_told(ties, fixed, said):
+    springs = [{"direction": [0, 0, 1], "stiffness": 1e6}, {"direction": [1, 0, -1], "damping": 1.0},
+               {"axis": [1, 0, 0], "stiffness": 1e3}]  # fmt: skip
+    tie = {"name": "cap", "surface": "top_a", "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0], "springs": springs}
+    found = told(blocks(), contacts=[PAD], **{ties: [{**tie, "fixed": fixed}]})
+    assert found == [f'{ties}[0].{key} has no effect: fixed = "{fixed}" holds all that it acts on' for key in said]
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1.0])
+def test_a_gap_tolerance_before_a_rigid_counterface_is_told(gap):
+    rigid = {**PAD, "name": "pad", "counterface": "rigid"}
+    sentence = "contacts.pad.gap_tolerance has no effect: the counterface is rigid, and touches everywhere"
+    assert told(blocks(lift=0.1), contacts=[{**rigid, "gap_tolerance": gap}]) == [sentence]
+    assert told(blocks(lift=0.1), contacts=[rigid]) == []
+
+
+@pytest.mark.parametrize("effect", ["friction_damping", "falling_friction"])
+def test_effects_of_friction_where_none_acts_are_told(effect):
+    """A contact of ratio zero slides without friction; the sweep may give it some."""
+    table = {"contact_pressure": 1e6, **({"slope": -0.1} if effect == "falling_friction" else {})}
+    effects, without = {**FRICTION, effect: table}, {**PAD, "name": "pad", "friction_ratio": 0.0}
+    both = [without, {**PAD, "name": "other", "surface": "front_a", "counterface": "rigid"}]
+    over = {"sweep": {"parameter": "contacts.pad.friction_ratio", "from": 0.0, "to": 1.0, "points": 2}}
+    sentence = f"effects.{effect} has no effect: friction_ratio is 0 in every contact that slides"
+    assert told(blocks(), contacts=[without], effects=effects) == [sentence]
+    assert not [w for w in told(blocks(), contacts=both, effects=effects) if "no effect" in w]
+    assert told(blocks(), contacts=[without], effects=effects, **over) == []
+
+
 def test_hexahedra_on_tetrahedra_that_cut_their_faces_the_other_way_are_told():
     """They share all nodes. Where the diagonals of the hexahedra, which are split, are the same, they are joined."""
     z = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
