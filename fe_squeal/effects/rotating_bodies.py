@@ -11,7 +11,7 @@ from ..fem.materials import isotropic_shear
 from ..fem.motion import SteadyMotion
 from ..fem.revolution import check_revolution, check_ring, check_ring_of_nodes, is_transversal
 from ..fem.ties import Tie
-from .context import BodyPart, Context
+from .context import BodyPart, ContactPart, Context
 
 
 def motion_of_body(
@@ -101,11 +101,22 @@ def check_shape(context: Context, body: BodyPart, motion: SteadyMotion) -> bool:
     return True
 
 
-def check_glue(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
-    """Raise where a tied contact of rotating bodies, with each other or a rigid face, does not go evenly around.
+def turns_with_bodies(contact: ContactPart, motions: Mapping[str, SteadyMotion]) -> bool:
+    """Whether a contact turns as a whole: its bodies turn alike, with each other or tied to a rigid face.
+
+    A rigid face that nothing is tied to may stand still before a body that turns.
+    """
+    own = [motions.get(name) for name in contact.pads | contact.carriers]
+    turning = [m for m in own if m is not None]
+    joined = contact.kind == "tied" or bool(contact.carriers)
+    return joined and len(turning) == len(own) and all(turn_alike(turning[0], m) for m in turning)
+
+
+def check_contacts(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
+    """Raise where a contact that turns with its bodies does not go evenly around.
 
     What is joined over a part of the ring alone is no body of revolution. Bodies that turn otherwise, or not at all,
-    are left to `joined_to_others`.
+    are left to `joined_to_others` where they are tied.
 
     Raises
     ------
@@ -113,9 +124,7 @@ def check_glue(context: Context, motions: Mapping[str, SteadyMotion]) -> None:
     """
     mesh = context.space.mesh
     for contact in context.contacts.values():
-        own = [motions.get(name) for name in contact.pads | contact.carriers]
-        turning = [m for m in own if m is not None]
-        if contact.kind != "tied" or len(turning) < len(own) or not all(turn_alike(turning[0], m) for m in turning):
+        if not turns_with_bodies(contact, motions):
             continue
         for body in sorted(contact.pads | contact.carriers):
             for group in contact.groups:

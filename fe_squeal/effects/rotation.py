@@ -21,7 +21,7 @@ from .free_rotors import free_rotors
 from .friction import Friction
 from .rayleigh import Rayleigh
 from .rotating_bodies import (
-    check_glue,
+    check_contacts,
     check_material,
     check_shape,
     check_sliding,
@@ -30,7 +30,7 @@ from .rotating_bodies import (
     nodes_of_body,
     unit_rotation,
 )
-from .rotating_contacts import tied_damping_terms
+from .rotating_contacts import contact_damping_terms
 from .rotating_references import reference_terms
 from .stress_stiffening import StressStiffening
 from .structural_damping import FROZEN_AT, StructuralDamping
@@ -43,7 +43,7 @@ class Rotation(Effect):
     damping, and structural damping frozen at a frequency, act on the rate that the body sees and add a circulatory
     stiffness. (Structural damping at each mode's own frequency does not: it is right for waves that run faster than the
     body turns.) The centrifugal stress comes with `[effects.preload]` and acts through `[effects.stress_stiffening]`.
-    Damping of tied contacts between bodies that turn alike does so too.
+    Damping of contacts between bodies that turn alike does so too.
     The equations stand in `fe_squeal.fem.gyroscopics`. Inertia at a reference point that the body is tied to turns with
     it, see `fe_squeal.effects.rotating_references`.
 
@@ -100,7 +100,7 @@ class Rotation(Effect):
             motions[name] = motion_of_body(name, contacts, self.axis, self.centre, self.speed)
         for name, motion in motions.items():
             _check(context, context.bodies[name], motion)
-        check_glue(context, motions)
+        check_contacts(context, motions)
         if context.table(Friction) is not None:
             check_sliding(context, motions)
         return motions
@@ -123,7 +123,7 @@ class Rotation(Effect):
         return terms
 
     def terms(self, context: Context) -> list[Term]:
-        """Return the terms of damped tied contacts, and of inertia at references that rotating bodies are tied to.
+        """Return the terms of damped contacts, and of inertia at references that rotating bodies are tied to.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Rotation(Effect):
             for name in held[:1]:
                 found += reference_terms(context.space, tie, table, path, name, context.motions[name])
         for contact in context.contacts.values():
-            found += tied_damping_terms(context, contact)
+            found += contact_damping_terms(context, contact)
         return found
 
     def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:

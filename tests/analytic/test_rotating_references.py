@@ -180,6 +180,28 @@ def test_damping_of_a_tied_contact_turns_with_the_bodies():
     assert np.ptp(pair.real) < 0.01 * np.abs(pair.real).mean()
 
 
+@pytest.mark.parametrize("speed", [0.0, 400.0])
+@pytest.mark.parametrize("kind", ["frictionless", "sliding"])
+def test_damping_of_a_gap_between_bodies_that_turn_alike_turns_with_them(kind, speed):
+    """Two equal thin discs on springs k and dampers c between them, per area, at rest and as they turn together.
+
+    Against each other they move as each one alone on 2k and 2c, so that every such mode, with ρh for its mass per area,
+    decays with c/(ρh): also waves that run with and against the turning. Together they do not decay.
+    """
+    thickness, damping = 0.004, 1e4
+    mesh = join(*(annulus("hex2", (1, 16, 1), 0.06, 0.10, thickness, bottom=z, name=name)
+                  for name, z in (("a", 0.0), ("b", thickness))))  # fmt: skip
+    contact = {"name": "c", "surface": "top_a", "counterface": "bottom_b", "normal_stiffness": 1e9, "kind": kind,
+               "normal_damping": damping, "sliding": {"axis": [0, 0, 1], "speed": speed or 1.0}}  # fmt: skip
+    held = [{"surface": f"hub_{name}", "fixed": "xyz"} for name in "ab"]
+    effects = {"rotation": about_z("a", "b", speed=speed)} if speed else {}
+    lam = modes_of(make_problem(mesh, supports=held, contacts=[contact], effects=effects), 10).lam
+    apart = lam[lam.real < -1.0]
+    assert 3 <= len(apart) <= 7 and np.abs(lam.real[lam.real >= -1.0]).max() < 1e-6
+    np.testing.assert_allclose(apart.real, -damping / (STEEL["density"] * thickness), rtol=0.01)
+    assert np.ptp(apart.imag) > 1.5 * speed
+
+
 def rotating_disc(speed=900.0, **ties):
     """A damped disc whose hub is held, and λ of its first six modes."""
     effects = {"rotation": about_z("disc", speed=speed), "rayleigh": {"beta": 2e-7}}

@@ -222,15 +222,25 @@ def test_every_second_facet_is_no_ring():
         make_problem(mesh, order=1, supports=[{"surface": "hub", "fixed": "xyz"}], effects=ROTATION)
 
 
-@pytest.mark.parametrize("counterface", ["hub_b", "rigid"])
-def test_glue_of_rotating_bodies_goes_around_the_axis(counterface):
-    """Rings that are glued over a part alone are no body of revolution, though each of them is."""
+@pytest.mark.parametrize(
+    ("kind", "counterface", "refused"),
+    [("tied", "hub_b", True), ("tied", "rigid", True), ("frictionless", "hub_b", True),
+     ("frictionless", "rigid", False)],
+)  # fmt: skip
+def test_contacts_that_turn_with_their_bodies_go_around_the_axis(kind, counterface, refused):
+    """Rings that are joined over a part alone are no body of revolution, though each of them is.
+
+    A rigid face without friction may stand still before a part of a ring that turns.
+    """
     sizes = {"a": (INNER, 0.15), "b": (0.15, OUTER)}
     rings = join(*(annulus("hex1", (1, 12, 1), *radii, 0.02, name=name) for name, radii in sizes.items()))
-    glue = {"name": "c", "surface": "rim_a", "counterface": counterface, "normal_stiffness": 1e14, "kind": "tied"}
+    glue = {"name": "c", "surface": "rim_a", "counterface": counterface, "normal_stiffness": 1e14, "kind": kind}
     turning = {"rotation": {**ROTATION["rotation"], "bodies": ["a", "b"]}}
     make_problem(rings, order=1, contacts=[glue], effects=turning)
     patch = around(rings, "rim_a", lambda a: np.abs(a) < 1)
+    if not refused:
+        make_problem(patch, order=1, contacts=[glue], effects=turning)
+        return
     with pytest.raises(SceneError, match=r"contacts\.c, on rim_a, acts on the rotating body .a. .*harmonic 1 "):
         make_problem(patch, order=1, contacts=[glue], effects=turning)
     make_problem(patch, order=1, contacts=[glue])
