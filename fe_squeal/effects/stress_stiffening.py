@@ -27,8 +27,9 @@ class StressStiffening(Effect):
     """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = σ(u0).
 
     Tension stiffens, pressure softens. Needs `[effects.preload]`; where a body rotates, σ0 includes the centrifugal
-    stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) In a `[[rigid]]` body the forces on its nodes
-    stand for the stress, see `fe_squeal.fem.rigid_prestress`. It has no keys.
+    stress. (Zienkiewicz and Taylor, The Finite Element Method, vol. 2.) In a `[[rigid]]` body, and between an
+    `[[averaged]]` reference and its nodes, the forces on the nodes stand for the stress, see
+    `fe_squeal.fem.rigid_prestress`. It has no keys.
     """
 
     name: ClassVar[str] = "stress_stiffening"
@@ -36,13 +37,13 @@ class StressStiffening(Effect):
     needs: ClassVar[Mapping[str, str]] = {"preload": ", whose stress acts; expected [effects.preload]"}
 
     def terms(self, context: Context) -> list[Term]:
-        """Return the geometric stiffness of every body, and of nodes that are tied to rigid ones."""
+        """Return the geometric stiffness of every body, and of what ties nodes to references."""
         state = context.static_state
         if state is None:
             return []
         found = [_kept_term(context, body, state) for body in context.bodies.values()]
-        for _, tie, _ in context.references:
-            if tie.rigid and not tie.fixed[3:].all():
+        for _, tie, table in context.references:
+            if not tie.fixed[3:].all() and (tie.rigid or table.is_loaded):
                 found.append(_kept_rigid_term(context, tie, state))
         return found
 

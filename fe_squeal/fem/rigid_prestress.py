@@ -1,4 +1,4 @@
-"""Stiffness of the static forces on the nodes of a rigid body: what its own stress would give it.
+"""Stiffness of the static forces on nodes that are tied to a reference: what the stress of the tie would give it.
 
 A rigid body has no strain, and its stress is no material's: it is what holds together the forces f_i on its nodes. In a
 rotation they do work in second order, since u_i = θ × r_i + ½ θ × (θ × r_i), r_i from the reference to the node. The
@@ -9,6 +9,10 @@ forces keep their direction, so that this is (derived here by virtual work)
 A force F that presses a lever of length L softens it by F L. The centrifugal forces of a rigid part that spins give
 back what K_Ω takes: with I = ∫ρ x² = ∫ρ y² across the axis S = Ω² diag(I, I, 0) and K = Ω² diag(I, I, 2 I), which is
 −K_Ω of its rotations.
+
+An averaged reference spreads what acts on it over its nodes, and hangs on them by a lever as stiff as a rigid body.
+Here θ is their mean rotation. As far as they turn with it, forces that are in balance with what is spread do the same
+work; that of moments along with deformations of the nodes among themselves, in second order, is left out.
 """
 
 from __future__ import annotations
@@ -45,14 +49,14 @@ def elastic_forces(
 
 
 def rigid_stiffness(space: DisplacementSpace, tie: Tie, forces: np.ndarray) -> sp.csr_array:
-    """Return the stiffness of static forces on the nodes of a rigid body, (n, n), on the unknowns.
+    """Return the stiffness of static forces on the nodes of a tie, (n, n), on the unknowns.
 
     Parameters
     ----------
     tie : Tie
-        A rigid one.
+        A rigid or an averaged one.
     forces : (nodes, 3) float, N
-        Forces of all that acts on the nodes, but for what makes the body rigid.
+        Forces of all that acts on the nodes, but for those of the tie.
     """
     S = forces[tie.nodes].T @ (space.coordinates[tie.nodes] - tie.point)
     K = np.trace(S) * np.eye(3) - (S + S.T) / 2

@@ -61,6 +61,31 @@ def test_a_contact_on_the_nodes_carries_the_force(kind):
     assert tilting(column("xy ry rz", contacts=[contact])) == pytest.approx(exact, rel=1e-5)
 
 
+@pytest.mark.parametrize("below", [0.0, 0.05, -0.03])
+def test_a_column_on_the_mean_of_its_foot_is_softened_by_the_whole_lever(below):
+    """The reference lies so far below the foot, as the hinge of a rod on it would; the column itself is elastic."""
+    mesh = box("hex2", (1, 1, 2), (WIDTH, WIDTH, LENGTH), (-WIDTH / 2, -WIDTH / 2, 0.0))
+    tie = {"name": "foot", "surface": "bottom", "reference": [0.0, 0.0, -below], "fixed": "xyz ry rz",
+           "springs": [{"axis": [1.0, 0.0, 0.0], "stiffness": HINGE}]}  # fmt: skip
+    effects = {"preload": {"pressures": {"top": PRESSURE}}, "stress_stiffening": {}}
+    problem = make_problem(mesh, materials=STIFF, averaged=[tie], effects=effects)
+    inertia = INERTIA + MASS * ((LENGTH / 2 + below) ** 2 - (LENGTH / 2) ** 2)
+    stiffness = inertia * modes_of(problem, 1).lam.imag[0] ** 2
+    assert stiffness == pytest.approx(HINGE - FORCE * (LENGTH + below), rel=1e-4)
+
+
+@pytest.mark.parametrize("load", ["top", "right", "front"])
+def test_the_mean_of_a_stiff_face_is_softened_as_a_rigid_one(load):
+    """Pressed along the lever and across it, where the reference takes up a moment, too."""
+    mesh = box("hex2", (1, 1, 2), (WIDTH, 2 * WIDTH, LENGTH), (-WIDTH / 2, -WIDTH / 2, 0.0))
+    hinges = [{"axis": e, "stiffness": HINGE} for e in np.eye(3).tolist()]
+    tie = {"name": "foot", "surface": "bottom", "reference": [0.01, 0.0, -0.05], "fixed": "xyz", "springs": hinges}
+    effects = {"preload": {"pressures": {load: PRESSURE / 10}}, "stress_stiffening": {}}
+    lam = {ties: modes_of(make_problem(mesh, materials=STIFF, effects=effects, **{ties: [tie]}), 3).lam.imag
+           for ties in ("rigid", "averaged")}  # fmt: skip
+    np.testing.assert_allclose(lam["averaged"], lam["rigid"], rtol=1e-5)
+
+
 @pytest.mark.parametrize("part", ["hub", "all"])
 @pytest.mark.parametrize("speed", [300.0, 1000.0])
 def test_a_rigid_rotor_precesses_as_its_closed_form(part, speed):
