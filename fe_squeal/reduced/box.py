@@ -55,7 +55,8 @@ class BoxModel(ReducedModel):
     proven : bool
         Whether it has all modes of the range at every place, and not only where they were counted.
     checked : int
-        Number of places that had no part in making the basis, at which it was checked last.
+        Number of places at which it was checked last. They had no part in making the basis, unless numbers have few
+        values.
     missed : int
         Number of these places at which a mode misses the tolerance.
     error : float
@@ -80,8 +81,8 @@ class BoxModel(ReducedModel):
         low, high : (d,) float
             The box.
         draw : callable of int
-            Returns places in the box, different ones for each number: the basis is made for those of number 0, and
-            checked at those of 1, 2 and so on.
+            Returns places in the box: the basis is made for those of number 0, and checked at those of 1, 2 and so on.
+            Numbers with few values may draw the same places again and again.
         request : Request
         progress : callable of str
 
@@ -100,18 +101,19 @@ class BoxModel(ReducedModel):
         self._widen(problem, [stiffest])
         first = len(self.basis)
         self.places: list[Place] = []
-        self._made_for(draw(0), (stiffest,), progress)
+        trained = _different(draw(0))
+        self._made_for(trained, (stiffest,), progress)
         self._corrections.release()  # before others take memory
         before = len(self.basis)
         far = corners(problem, names, low, high)
         self.proven = has_softest_corner(problem, names, low, high) and are_all_corners(problem, names, low, high)
-        soft = self._add_soft(far if self.proven else far.union(self._counted_at(draw(0))))
+        soft = self._add_soft(far if self.proven else far.union(self._counted_at(trained)))
         self._exact = np.r_[:first, before : len(self.basis)]
         if soft:
             progress(f"{len(self.basis)} vectors, with modes that friction or gyroscopic forces bring into the range")
-            self._made_for((*draw(0), *sorted(far)), (), progress)
+            self._made_for((*trained, *sorted(far)), (), progress)
         for i in range(1, _CHECKS + 1):
-            places = draw(i)
+            places = _different(draw(i))
             missed = self._missed_at(places)
             before = len(self.basis)
             lacked = not self.proven and self._add_soft(self._counted_at(places))
@@ -138,13 +140,13 @@ class BoxModel(ReducedModel):
         return places if self.problem.unknowns <= _SMALL else places[:_COUNTED]
 
     def _missed_at(self, places: Places) -> Places:
-        """Return places that miss the tolerance, the first few of them, and keep nothing of all others."""
-        missed: list[tuple[float, ...]] = []
+        """Return places that miss the tolerance, the first few of them, and keep nothing of others that are new."""
+        before, missed = set(self._seen), list[tuple[float, ...]]()
         for place in places:
             if self._off(place) > 1:
                 missed.append(place)
-            else:
-                del self._seen[place]
+            elif place not in before:
+                self._seen.pop(place, None)  # which is not there if modes at the place were known and given up
                 self._blocks.blocks.pop(place, None)
             if len(missed) == _FEW:
                 break
@@ -274,6 +276,11 @@ class BoxModel(ReducedModel):
 
     def _has_room(self) -> bool:
         return len(self.places) < _NODES and len(self.basis) < min(_MOST, self.problem.unknowns // 2)
+
+
+def _different(places: Places) -> Places:
+    """Return the different ones of some places, in their order."""
+    return list(dict.fromkeys(places))
 
 
 def _ratio(found: Estimate, exact: Modes, slight: float) -> float:

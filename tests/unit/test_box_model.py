@@ -60,6 +60,22 @@ def test_every_mode_all_over_the_box(kind):
         assert np.count_nonzero(below) == np.count_nonzero(np.abs(modes.lam) < 0.999 * np.abs(modes.lam).max())
 
 
+def test_numbers_with_few_values_are_drawn_again():
+    """Many places are equal, and all draws have the same ones."""
+    problem = chain(*CLASSES["nonsymmetric"])
+
+    def few(i):
+        return [(0.45 * k,) for k in np.random.default_rng(i).integers(3, size=20).tolist()]
+
+    model = BoxModel(problem, ("mu",), LOW[:1], HIGH[:1], few, Request(MODES, None, TOLERANCE))
+    assert (model.checked, model.missed) == (3, 0)
+    for place in set(few(0)):
+        modes, off, _ = model.online().modes(place)
+        exact = solve_dense(problem.pencil({"mu": place[0]})).lam
+        assert off.max() <= 1
+        assert (np.abs(modes.lam[:, None] - exact[None, :]).min(axis=1) <= TOLERANCE * np.abs(modes.lam)).all()
+
+
 def test_powers_of_several_parameters_are_collected():
     problem = problem_of("nonsymmetric")
     place = {"mu": 0.7, "k": 1.7}
