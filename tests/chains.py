@@ -104,3 +104,17 @@ def stiffening_chain(n, meets, powers):
     terms = (Term("m", "M", sp.eye_array(n, format="csr"), True), Term("k", "K", K, True, {"p": 1}),
              Term("f", "K", friction, False, powers))  # fmt: skip
     return Problem(terms, dict.fromkeys(("p", *powers), 1.0)), theta
+
+
+def rising_oscillators(rising, still, powers):
+    """Return oscillators of unit mass alone: θ = rising² Σ c pᵏ with the c of each power k, beside θ = still²."""
+    size = len(rising) + len(still)
+
+    def diagonal(values, first):
+        at = np.arange(first, first + len(values))
+        return sp.csr_array((values, (at, at)), shape=(size, size))
+
+    terms = [Term("mass", "M", sp.eye_array(size, format="csr"), True),
+             Term("still", "K", diagonal(still**2, len(rising)), True)]  # fmt: skip
+    terms += [Term(f"rising {k}", "K", diagonal(c * rising**2, 0), True, {"p": k}) for k, c in powers.items()]
+    return Problem(tuple(terms), {"p": 1.0})

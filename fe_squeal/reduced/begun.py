@@ -14,7 +14,7 @@ from ..eigen.linear.choice import choose, is_large
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import require_vectors
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, is_beside
+from ..eigen.request import Request
 from ..errors import NotConvergedError
 from ..problem.aside import put_aside
 from ..problem.forms import collect_powers
@@ -22,6 +22,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
+from .estimate import swinging_sizes
 from .growing import GrowingModel
 from .mode_corrections import ModeCorrections
 from .undamped import factorize_undamped
@@ -30,15 +31,16 @@ _GUARD = 1.25  # the basis begins with so many times as many undamped modes as m
 _ROUGH = 1e-4  # accuracy of these undamped modes: the corrections that follow mend the rest
 _LANCZOS = 5  # times the number of undamped modes: vectors that the Lanczos iteration keeps (4 of tetrahedra)
 _SLOW = 0.1  # part of −σ: a smaller θ, which is known roughly, may belong to a motion that is hardly held
-# The basis begins anew with modes up to so many times the frequency where it knows too few elsewhere, unless it has so
-# many times as many vectors as modes are asked for.
-_WIDER, _MOST = 1.5, 12
+# The basis begins anew with modes up to so many times the highest frequency where it knows too few elsewhere, or up to
+# so many times that of the last one needed there, unless it has so many times as many vectors as modes are asked for.
+_WIDER, _ABOVE, _MOST = 1.5, 1.05, 12
 
 
 class BegunModel(GrowingModel):
     """A reduced model that begins with the modes at one place, enough of them for some other places."""
 
     _least = 0  # modes that are needed at every place
+    _has_all = False  # whether the basis has the modes of any frequency, of which there are no more at the start
 
     def _widen(self, problem: Problem, places: Iterable[Place]) -> None:
         """Begin anew with so many modes that at other places, too, the number asked for is below the highest one.
@@ -52,18 +54,28 @@ class BegunModel(GrowingModel):
         """
         places = tuple(places)
         while (short := next((p for p in places if self._is_short(self._every(p))), None)) is not None:
-            if len(self.basis) == problem.unknowns:  # which has all modes, of any frequency
+            if self._has_all:
                 self.highest = max(float(sizes(self.basis.modes(p, np.inf).lam).max()) for p in places)
                 self._know_nothing(problem, isinstance(self.parameter, str))
                 return
             if len(self.basis) > _MOST * self._least:
                 raise self._too_few(short)
-            reach = _WIDER * self.highest
+            reach = max(self._reach(self._every(p)) for p in places)
             self._begin(problem, self.parameter, self._start, self.request, self.linear_solver, reach)
 
     def _is_short(self, modes: Modes) -> bool:
-        """Return whether modes at a place are fewer than are needed, and than there are."""
-        return bool(np.count_nonzero(~is_beside(modes)) < self._least and len(modes) < len(self.basis))
+        """Return whether modes at a place are fewer than are needed, and than there are.
+
+        Those above the highest frequency do not count: there others may be missing, which nothing looks for.
+        """
+        if self._has_all:
+            return bool(len(swinging_sizes(modes)) < self._least and len(modes) < len(self.basis))
+        return bool(np.count_nonzero(swinging_sizes(modes) <= self.highest) < self._least)
+
+    def _reach(self, modes: Modes) -> float:
+        """Return the frequency, rad/s, up to which modes at the start have to be known, judged by those at a place."""
+        known = swinging_sizes(modes)
+        return _ABOVE * float(known[self._least - 1]) if len(known) >= self._least else _WIDER * self.highest
 
     def _too_few(self, place: Place) -> NotConvergedError:
         at, start = (
@@ -116,6 +128,7 @@ class BegunModel(GrowingModel):
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
+        self._has_all = count == n or vectors.shape[1] < count  # where the rank of M is smaller
         del vectors
         if (self.basis.undamped_values(self._sigma) < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..eigen.growth import sizes
 from ..eigen.pencil import Modes
-from ..eigen.request import Request, is_needed, select_wanted
+from ..eigen.request import Request, is_beside, is_needed, select_wanted
 from ..problem.parameters import Place
 from .basis import ReducedBasis
 from .lowest import Blocks, KnownModes, lowest_modes
@@ -74,6 +74,11 @@ def neighbours(every: Modes, request: Request) -> Modes:
     assert wanted is not None
     limit = _BESIDE * float(sizes(wanted.lam).max(initial=0.0))
     return every.select(np.flatnonzero(sizes(every.lam) <= limit))
+
+
+def swinging_sizes(modes: Modes) -> np.ndarray:
+    """Return the sizes (k,) of λ, rad/s, rising, of modes that count towards the number asked for."""
+    return np.sort(sizes(modes.lam)[~is_beside(modes)])
 
 
 @dataclass(frozen=True)
@@ -151,3 +156,7 @@ class OnlineModel:
             if found[1].max(initial=0.0) <= 1:
                 return found
         return self.whole.modes(place)
+
+    def is_short(self, modes: Modes) -> bool:
+        """Return whether modes at a place are fewer than were asked for up to where the basis holds all of them."""
+        return bool(np.count_nonzero(swinging_sizes(modes) <= self.whole.highest) < (self.whole.request.count or 0))

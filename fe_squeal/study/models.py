@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from ..assembly.assembly import assemble
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.request import Request, is_beside
+from ..eigen.request import Request
 from ..eigen.solve import solve_modes
 from ..errors import MeshError, NotConvergedError, SceneError
 from ..problem.dependence import depends_on
@@ -49,13 +49,12 @@ class CertifiedModel:
     def outcome(self, values: Values) -> Outcome | None:
         """Return the outcome at a place; None where the estimated error of a mode exceeds the tolerance.
 
-        None also where fewer modes are found than were asked for: frequencies may be beyond the range of the basis.
+        None also where fewer modes than were asked for are in the range of the basis: beyond it some may be missing.
         """
         modes, off, relative = self.online.modes(tuple(float(v) for v in values))
-        request = self.online.whole.request
-        if off.max(initial=0.0) > 1 or np.count_nonzero(~is_beside(modes)) < (request.count or 0):
+        if off.max(initial=0.0) > 1 or self.online.is_short(modes):
             return None
-        return outcome_of(modes, request, float(relative.max(initial=0.0)), direct=False)
+        return outcome_of(modes, self.online.whole.request, float(relative.max(initial=0.0)), direct=False)
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from chains import CLASSES, MODES, N, chain, dense, stiffening_chain
+from chains import CLASSES, MODES, N, chain, dense, rising_oscillators, stiffening_chain
 from selection import some
 
 import fe_squeal.reduced.begun as begun
@@ -394,6 +396,25 @@ def test_frequencies_that_rise_leave_no_mode_out(count):
         swing = np.sort(point.modes.lam.imag)
         exact = np.sqrt(point.value * alone)
         assert np.abs(swing[:, None] - exact[None, :]).min(axis=0).max() <= 1e-8 * exact.max()
+
+
+def test_modes_above_the_range_of_the_start_do_not_count():
+    """Of 21 modes at the start 15 rise past its highest one, 1.7, where others, which do not rise, are missing."""
+    rising, still = 1 + 0.002 * np.arange(15), 1.2 + 0.1 * np.arange(31)
+    problem = rising_oscillators(rising, still, {1: 1.0})
+    for point in sweep(problem, np.linspace(1.0, 4.0, 7), "p", modes=10, method="reduced").points:
+        exact = np.sort(np.append(rising * point.value**0.5, still))[:10]
+        np.testing.assert_allclose(np.sort(point.modes.lam.imag), exact, rtol=1e-8)
+
+
+def test_fewer_modes_than_are_asked_for_may_rise():
+    """There are as many as masses; a wider range would have no others."""
+    frequencies, masses = np.arange(1.0, 41.0), np.r_[np.ones(6), np.zeros(34)]
+    problem = rising_oscillators(frequencies, np.zeros(0), {1: 1.0})
+    mass = replace(problem.terms[0], matrix=sp.csr_array(sp.diags_array(masses)))
+    found = sweep(Problem((mass, *problem.terms[1:]), {"p": 1.0}), [1.0, 4.0, 16.0], "p", modes=10, method="reduced")
+    for point in found.points:
+        np.testing.assert_allclose(np.sort(point.modes.lam.imag), frequencies[:6] * point.value**0.5, rtol=1e-8)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chains import stiffening_chain
+from chains import rising_oscillators, stiffening_chain
 from selection import some
 
 from fe_squeal.eigen.request import Request
@@ -223,6 +223,27 @@ def test_places_where_stiffness_is_far_larger_have_all_modes(most: float) -> Non
     for place in ([1.0, 1.0], [7.9, 1.0], [8.1, 1.0], [10.0, 1.0], [5.0, 1.1]):
         found = solver.outcome(np.array(place))
         assert found.unstable == (place[0] > 8)
+
+
+@pytest.mark.parametrize(("powers", "low", "high"), [({1: 1.0}, 1.0, 4.0), ({0: 1.0, 2: 3.0}, -1.0, 1.0)])
+def test_modes_above_the_range_that_is_known_do_not_count(powers: dict[int, float], low: float, high: float) -> None:
+    """Ten modes rise past the highest one of the start, where others, which do not rise, are missing.
+
+    The basis is made wider where a corner is the stiffest one, else the place is solved directly.
+    """
+    rising, still = 1 + 0.002 * np.arange(10), 1.2 + 0.1 * np.arange(410)
+    problem, request = rising_oscillators(rising, still, powers), Request(count=10, tolerance=1e-6)
+
+    def draw(i: int) -> list[tuple[float, ...]]:
+        return [(float(p),) for p in np.random.default_rng(i).uniform(low, high, 8)]
+
+    solver = make_solver(problem, ("p",), np.array([low]), np.array([high]), draw, request)
+    outcome = solver.outcome([high])
+    assert outcome.row[6] == (low < 0) and solver.outcome([max(low, 0.0)]).row[6] == 0
+    assert solver.box is not None
+    if low > 0:
+        exact = np.sort(np.append(2 * rising, still))[:10]
+        np.testing.assert_allclose(np.sort(solver.box.modes((high,)).lam.imag), exact, rtol=1e-6)
 
 
 def test_the_method_that_is_asked_for_is_taken() -> None:
