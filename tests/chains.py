@@ -1,5 +1,7 @@
 """Two elastic chains coupled by friction, with any effects, and all their eigenvalues by LAPACK."""
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -44,16 +46,21 @@ def chain(*effects, n=N, pressed=None):
 
 
 class Opening:
-    """Chains whose patch opens point after point as mu rises, and which a stress stiffens by tanh mu."""
+    """Chains whose patch opens point after point as mu rises, and which a stress stiffens by tanh mu.
 
-    def __init__(self, *effects, n=N):
-        self._effects, self._n = effects, n
+    Contact and friction are as stiff as those of `chain`, or `stiffer` times as much.
+    """
+
+    def __init__(self, *effects, n=N, stiffer=1.0):
+        self._effects, self._n, self._stiffer = effects, n, stiffer
 
     def problem(self, values):
         mu = values.get("mu", 0.3)
         made = chain(*self._effects, n=self._n, pressed=np.clip(1.3 - 0.3 * mu * np.arange(PATCH), 0.0, 1.0))
         (elastic,) = (t.matrix for t in made.terms if t.name == "elastic")
-        terms = (*made.terms, Term("stress", "K", sp.csr_array(0.02 * np.tanh(2 * mu) * elastic), True))
+        touching = ("contact", "friction")
+        terms = [replace(t, matrix=self._stiffer * t.matrix) if t.name in touching else t for t in made.terms]
+        terms = (*terms, Term("stress", "K", sp.csr_array(0.02 * np.tanh(2 * mu) * elastic), True))
         held = FreeMotions.none(self._n)  # as of a scene: the springs at their ends hold the chains
         return Problem(terms, {"mu": mu}, None, self, frozenset({"mu"}), dict(values), free=lambda _: held)
 

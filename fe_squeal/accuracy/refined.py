@@ -202,7 +202,7 @@ def _model(
         return model
     if model is not None and not single:
         with suppress(NotConvergedError):
-            transferred = TransferredModel(model, affine, float(at[np.argmin(np.abs(at))]))
+            transferred = TransferredModel(model, affine, model.basis.problem.value(axis))
             if all(transferred.error(float(p)) <= _NEAR for p in at):
                 return transferred
     request = Request(count=max(len(p.modes) for p in result.points) + 2)

@@ -9,8 +9,12 @@ import numpy as np
 
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
+from .growing import spread
 
 _CORNERS = 16  # places that are returned, at most, beside the softest corner: the ends of four parameters
+_COMPARED = 3  # values whose matrices are compared; a reduced model needs those of both ends and the middle anyway
+_HARDLY = 0.1  # of the stiffness of an unknown elsewhere: what it is stiffer by and counts as equally stiff
+_SOFT = 1e-6  # of the stiffness of an unknown at other values: what is less, or negative, counts as this
 
 
 def softest_corner(
@@ -40,15 +44,45 @@ def softest_value(problem: Problem, parameter: str, values: np.ndarray) -> float
     """Return the one of some values (m,), ascending, with the least stiffness and the most mass, as far as is known.
 
     Errors of a reduced model are measured by the stiffness that it begins with. A motion that is softer elsewhere has
-    larger ones than that. What is nearest to zero counts where values have both signs, where none is softest for all
-    motions, and where the parameter changes more than coefficients of terms.
+    larger ones than that. What is nearest to zero counts where values have both signs, and where none is softest for
+    all motions. Where the parameter changes more than coefficients of terms, a few values are compared.
+
+    Raises
+    ------
+    SceneError, NotConvergedError
+        As `Problem.at`.
     """
     low, high = float(values[0]), float(values[-1])
     nearest = float(values[np.argmin(np.abs(values))])
-    if low * high <= 0 or not problem.is_affine(parameter):
+    if not problem.is_affine(parameter):
+        few = sorted({nearest, *spread(values, _COMPARED)})
+        return nearest if problem.source is None else _least_stiff(problem, parameter, nearest, few)
+    if low * high <= 0:
         return nearest
     corner = set(softest_corner(problem, [parameter], [low], [high]))
     return corner.pop() if corner in ({low}, {high}) else nearest
+
+
+def _least_stiff(problem: Problem, parameter: str, nearest: float, few: Sequence[float]) -> float:
+    """Return the one of a few values at which no unknown is much stiffer than at others of them.
+
+    As contact points open, the stiffness of their unknowns falls, of some perhaps at one value and of others at
+    another. Motions of whole parts that soften with them are among the lowest modes, which the basis has; what it lacks
+    moves single points. It is `nearest` where that is hardly stiffer, as by stresses alone.
+    """
+    stiffness = np.array([_diagonal(problem.at({parameter: value})) for value in few])
+    least, size = stiffness.min(axis=0), np.abs(stiffness).max(axis=0)
+    above = (stiffness - least) / np.maximum(least, np.maximum(_SOFT * size, np.finfo(float).tiny))
+    stiffer = dict(zip(few, above.max(axis=1).tolist(), strict=True))
+    best = min(few, key=lambda value: stiffer[value])
+    return nearest if stiffer[nearest] <= stiffer[best] + _HARDLY else best
+
+
+def _diagonal(problem: Problem) -> np.ndarray:
+    """Return the diagonal (n,) of the symmetric terms of K, without losses."""
+    terms = [t for t in problem.terms if t.slot == "K" and t.symmetric and not t.imaginary]
+    parts = (t.coefficient(problem.parameters) * t.matrix.diagonal() for t in terms)
+    return sum(parts, start=np.zeros(problem.unknowns))
 
 
 def has_softest_corner(

@@ -53,6 +53,15 @@ def test_changes_are_those_of_the_refined_mesh(swept, own):
 
 
 @pytest.mark.slow
+def test_errors_are_measured_by_the_stiffness_that_the_sweep_began_with(monkeypatch):
+    """Where that is least, as where a stiff contact has opened; here it is told to begin at the last value."""
+    monkeypatch.setattr("fe_squeal.reduced.model.softest_value", lambda problem, parameter, values: float(values[-1]))
+    swept = sweep(tipping(0.3, load=(0.0, 1.0), height=0.35, cells=6), VALUES, modes=6, method="reduced")
+    model = refined.refine_problem(swept).model
+    assert isinstance(model, TransferredModel) and model.basis.problem.value("mu") == VALUES[-1]
+
+
+@pytest.mark.slow
 def test_a_model_of_its_own_gives_the_same(swept, own, monkeypatch):
     """Where the sweep's basis does not serve, a reduced model of the interpolated matrices is made."""
     monkeypatch.setattr(refined, "_NEAR", 0.0)

@@ -14,6 +14,7 @@ from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.tabulated import Tabulated
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
+from fe_squeal.reduced.corners import softest_value
 
 VALUES = np.linspace(0.0, 0.9, 7)
 REQUEST = Request(count=MODES)
@@ -97,6 +98,23 @@ def test_every_mode_at_every_value(kind):
         assert (distance <= point.modes.re_uncertainty + rounding).all()
         below = exact.imag < 0.999 * lam.imag.max()
         assert np.count_nonzero(below) == np.count_nonzero(lam.imag < 0.999 * lam.imag.max())
+
+
+def test_errors_are_told_where_points_of_a_stiff_contact_have_opened():
+    """Measured by the stiffness of the contact that is closed, at mu = 0, they would be seven times as large as told.
+
+    A stress that stiffens everything a little leaves the start where friction is least.
+    """
+    problem = Opening(n=200, stiffer=1e4).problem({})
+    assert softest_value(problem, "mu", VALUES) == VALUES[-1]
+    assert softest_value(Opening(n=200, stiffer=0.0).problem({}), "mu", VALUES) == VALUES[0]
+    model = ReducedModel(problem, "mu", VALUES, REQUEST)
+    for mu in (0.3, 0.6, 0.8):
+        modes, exact = model.modes(mu), dense(problem, mu)
+        swings = modes.lam.imag > 1e-6 * model.highest  # of others `dense` gives none
+        distance = np.abs(modes.lam[swings, None] - exact[None, :]).min(axis=1)
+        rounding = 200 * np.finfo(float).eps * np.abs(exact).max()
+        assert (distance <= modes.re_uncertainty[swings] + rounding).all()
 
 
 @pytest.mark.slow
