@@ -163,7 +163,7 @@ def find_step_onsets(
                 continue
             first, second = _names(step, change, branches)
             refined.append(replace(onset, branch_a=first, branch_b=second))
-        if failed and len(changes) > 1:  # changes too close together to be distinguished: only their sum is certain
+        if failed and _is_narrow(step, changes):  # too close together to be distinguished: only their sum is certain
             refined, failed = _sum(refined, sum(c.gains for c in changes), failed)
         found.onsets.extend(refined)
         found.warnings.extend(failed)
@@ -185,8 +185,11 @@ def _lacks(listed: Node, whole: Node, rim: float) -> bool:
 
 
 def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
-    """Return the changes, ascending, in runs; those in a run are too close together to be distinguished."""
-    width = _TOGETHER * FINEST * abs(step.ends[1] - step.ends[0])
+    """Return the changes, ascending, in runs; those in a run may be too close together to be distinguished.
+
+    They are known to lie between two values alone, which are apart by far more where a mode crosses the axis.
+    """
+    width = _TOGETHER * FINEST * step.width
     least = _SLOW * max(float(np.abs(m.lam).max(initial=0.0)) for m in step.modes_at_ends)
     runs: list[list[Change]] = []
     for change in changes:
@@ -199,6 +202,12 @@ def _told_apart(step: Step, changes: list[Change]) -> list[list[Change]]:
         else:
             runs.append([change])
     return runs
+
+
+def _is_narrow(step: Step, changes: list[Change]) -> bool:
+    """Return whether several changes surely are so close together that a window between them is not looked for."""
+    spread = max(c.high for c in changes) - min(c.low for c in changes)
+    return len(changes) > 1 and spread <= _TOGETHER * FINEST * step.width
 
 
 def _sum(onsets: list[Onset], gains: int, failed: list[str]) -> tuple[list[Onset], list[str]]:

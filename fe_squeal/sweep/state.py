@@ -90,7 +90,10 @@ class SweepState:
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
         onsets = tuple(sorted(self.onsets, key=lambda o: o.value))
-        return Sweep(problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings)
+        return Sweep(
+            problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings,
+            window=self.window, unsettled=self.unsettled,
+        )  # fmt: skip
 
 
 def record_of_point(point: SweepPoint) -> Record:

@@ -82,12 +82,12 @@ def _matters(
 ) -> bool:  # fmt: skip
     """Return whether eigenvalues of a node move (k,) so far that a change of stability might come or go."""
     v, size = node.v, np.abs(node.lam)
-    if node.C is None:
+    if node.paired:
         apart = np.abs(v[:, None] - v[None, :])
         np.fill_diagonal(apart, np.inf)
         away = np.minimum(apart.min(axis=1, initial=np.inf), np.abs(v))
-    else:
-        away = np.abs(v.real)
+    else:  # a mode crosses the axis by itself: where θ is real, or λ imaginary
+        away = np.abs(v.imag if node.C is None else v.real)
     near = (np.abs(size[:, None] - known[None, :]) <= _CHANGING * size[:, None]).any(axis=1)
     looked_at = (node.lam != 0) & (np.abs(node.lam.imag) <= below) & ~near
     return bool((moved > allowed[0] * away + allowed[1] * np.abs(v))[looked_at].any())

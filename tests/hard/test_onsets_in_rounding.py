@@ -160,3 +160,20 @@ def test_an_onset_that_does_not_fit_into_memory_is_told_and_ends_nothing(bisecte
     monkeypatch.setattr(importlib.import_module("fe_squeal.sweep.bisection"), "solve_modes", refuse)
     with pytest.warns(SceneWarning, match="not refined: too large"):
         assert not find_onsets(bisected, [0.0, 0.07, 0.2], "p", modes=2, method="direct")
+
+
+def test_a_damped_window_of_which_neither_end_is_refined_is_told(monkeypatch):
+    """ü + 0.1((p − ½)² − 1e-4)u̇ + u = 0 grows for |p − ½| < 0.01, between samples that touch each other."""
+    def refuse(*_, **__):
+        raise TooLargeError("too large")
+
+    for module in ("bisection", "refined"):
+        for name in ("solve_modes", "find_crossing"):
+            monkeypatch.setattr(importlib.import_module(f"fe_squeal.sweep.{module}"), name, refuse, raising=False)
+    one = sp.csr_array(np.eye(1))
+    terms = [Term("m", "M", one, True), Term("k", "K", one, True)]
+    parts = enumerate((0.1 * (0.25 - 1e-4), -0.1, 0.1))
+    terms += [Term(f"c{i}", "C", c * one, True, {"p": i} if i else {}) for i, c in parts]
+    result = sweep(Problem(tuple(terms), {"p": 0.0}), [0.0, 1.0], "p", modes=1, method="direct")
+    told = [w for w in result.warnings if "not refined: too large" in w]
+    assert not result.onsets and len(told) == 2

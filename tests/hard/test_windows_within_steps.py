@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,16 @@ class Made:
 
     def solved_with(self, linear_solver):
         return self
+
+
+class Lossy(Made):
+    """The same with friction that mu is no factor of, and loss factors that make an imaginary part of the stiffness."""
+
+    def problem(self, values):
+        made, losses = super().problem(values), sp.csr_array(np.diag([0.001, 0.03]))
+        *others, friction = made.terms
+        lossy = replace(friction, powers={}), Term("loss", "K", losses, True, imaginary=True)
+        return replace(made, terms=(*others, *lossy))
 
 
 def matrix_problem(*stiffness, friction=None, damping=None):
@@ -109,6 +120,21 @@ def test_a_contact_that_opens_in_the_middle_of_a_step():
     result = fe_squeal.sweep(problem, [0.0, 0.1, 0.2, 0.3], modes=2, method="direct")
     assert len(true) == 4 and [o.value for o in result.onsets] == pytest.approx(true, abs=1e-8)
     assert [o.direction for o in result.onsets] == ["into", "out of", "into", "out of"] and not result.warnings
+
+
+def test_flutter_of_lossy_modes_between_values_at_which_friction_is_the_same():
+    """Friction is a bell about 0.25. Modes grow where Im θ₁ < 0 of the lower θ₁ of K + iη + friction."""
+    def friction(mu):
+        return (0.05 + 0.1 * np.exp(-(((mu - 0.25) / 0.05) ** 2))) * np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+    def losing(mu):
+        return np.linalg.eigvals(np.diag([1 + 0.001j, 1.5 + 0.03j]) + friction(mu)).imag.min()
+
+    true = so.brentq(losing, 0.1, 0.25, xtol=1e-14), so.brentq(losing, 0.25, 0.4, xtol=1e-14)
+    problem = Lossy(lambda mu: np.diag([1.0, 1.5]), friction).problem({"mu": 0.0})
+    result = fe_squeal.sweep(problem, [0.0, 1.0], modes=2, method="direct")
+    assert [o.direction for o in result.onsets] == ["into", "out of"]
+    np.testing.assert_allclose([o.value for o in result.onsets], true, atol=1e-7)
 
 
 @pytest.mark.parametrize("values", [[0.0, 0.8], [0.0, 0.4, 0.8], np.linspace(0, 0.8, 9)])

@@ -17,6 +17,7 @@ from interrupted import interrupt, refused, write_sweep
 import fe_squeal
 import fe_squeal.run.run
 from fe_squeal.cli import main
+from fe_squeal.eigen.request import Completeness
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.run import checkpoint
@@ -206,3 +207,15 @@ def test_the_first_modes_are_kept_again_where_a_sweep_takes_others(tmp_path: Pat
     assert found is not None and states[0].first is not states[-1].first
     np.testing.assert_array_equal(found.first.lam, states[-1].first.lam)
     assert len(found.first_branches) == len(found.first)
+
+
+def test_what_is_not_decided_so_far_is_in_the_result_so_far() -> None:
+    """Which is what the record of a run that was killed says of its onsets."""
+    nothing: Any = np.zeros(0)
+    state = SweepState(
+        (), (), (), Completeness(0, None, False), {}, nothing, nothing, nothing, nothing, 1, 0.0, 0.5, False, 0.25,
+        ("an onset may be missing",),
+    )  # fmt: skip
+    one = sp.csr_array(np.eye(1))
+    result = state.sweep(Problem((Term("m", "M", one, True), Term("k", "K", one, True)), {"mu": 0.0}), "mu")
+    assert (result.window, result.unsettled) == (0.25, ("an onset may be missing",))

@@ -116,5 +116,5 @@ def test_changes_at_one_value_are_one_only_if_their_frequencies_are(omega, runs)
     none = np.zeros(2, complex)
     changes = [Change("zero", 1, 0.3, 0.3, (0.2, 0.4), w**2, none, none, none[:, None]) for w in omega]
     high = SimpleNamespace(lam=np.array([1e4j]))
-    step = SimpleNamespace(ends=(0.0, 1.0), modes_at_ends=(high, high), model=SimpleNamespace(terms=()))
+    step = SimpleNamespace(width=1.0, modes_at_ends=(high, high), model=SimpleNamespace(terms=()))
     assert len(_told_apart(step, changes)) == runs
