@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..assembly.assembly import Assembly
 from ..assembly.swept import keeps_shapes, swept
-from ..eigen.memory import TooLargeError, memory_text, require_memory
+from ..eigen.memory import memory_text, require_memory
 from ..eigen.threads import one_openblas_thread
-from ..errors import NotConvergedError, SceneError
+from ..errors import NotConvergedError, SceneError, SquealError
 from ..mesh import LoadedMesh
 from ..problem.problem import Problem
 from ..scene import Scene
@@ -54,12 +55,16 @@ class Trial:
         where it is not known.
     seconds : float, s
         For the sweep and the estimate of its errors.
+    by_bars : bool
+        Whether the error is by the bars of the sweep. By bars to first order it lacks what is of higher order, and
+        onsets that only one of the mesh and the refined mesh has.
     """
 
     mesh: str
     unknowns: int
     error: float
     seconds: float
+    by_bars: bool = True
 
     def __str__(self) -> str:
         error = f"error about {100 * self.error:.2g} %" if np.isfinite(self.error) else "error not known"
@@ -94,13 +99,20 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class _Nearest:
-    """The trial with the smallest error so far, and what a `Choice` is made from."""
+class _Tried:
+    """A trial, what a `Choice` is made from, and what the next mesh is made from.
+
+    `first` is the largest bar to first order, and `bars_take` the seconds, s, that bars would take if they are not made
+    yet.
+    """
 
     trial: Trial
     candidate: Candidate
     result: Sweep
     split: Split
+    assembly: Assembly
+    first: float
+    bars_take: float
 
 
 @one_openblas_thread()  # for what is made ahead, too
@@ -133,67 +145,89 @@ def choose(
     SceneError
         The target is not between 0 and 1.
     NotConvergedError
-        The target is not met by the finest mesh that fits into memory, or not within the number of meshes that are
-        tried; `partial` is the `Choice` nearest to it. Or the corrections on a refined mesh were not found.
-    TooLargeError
-        Not even the first mesh, refined for the estimate, fits into memory.
+        The target is not met by the finest mesh that can be solved, or not within the number of meshes that are tried;
+        `partial` is the `Choice` nearest to it.
+    SquealError, MemoryError
+        Not even the first mesh can be solved, or not refined for the estimate: it does not fit into memory, or modes on
+        it are not found.
     KeyboardInterrupt
         Ctrl-C; its argument is the `Choice` nearest to the target so far, if there is one.
     """
     if not 0 < target < 1:
         raise SceneError(f"--accuracy: given {target:g}; expected a relative error between 0 and 1")
     trials, candidate = earlier if earlier is not None else ([], first_candidate(scene))
-    nearest: _Nearest | None = None
+    before = tuple(trials)
+    nearest: _Tried | None = None
+    why = f"after {_RUNS} runs"
     try:
         for _ in range(_RUNS):
             keep(trials, candidate)
-            start = time.perf_counter()
-            problem = Assembly(candidate.scene, candidate.loaded).problem({})
-            solver = solver_of(candidate.scene)
-            with finer_mesh_ahead(problem) or nullcontext() as ahead:
-                result = _swept(candidate.scene, problem)
-                refined = refine_problem(result, solver, ahead)
-            clock = time.perf_counter()
-            corrections = right_corrections(result, refined)
-            bars_take = _BARS * (time.perf_counter() - clock)
-            split = split_changes(result, refined, corrections).of(kinds)
-            grouped, order = element_groups(refined.coarse), refined.coarse.space.order
-            error = first = float(first_order_bars(split, *grouped, order).max(initial=0.0))
-            if first <= _SURELY * target:
-                result = with_changes(result, changes_by(result, refined, solver, corrections))
-                error, bars_take = estimated_error(result, kinds), 0.0  # in the seconds of this mesh already
-            trial = Trial(candidate.told, result.problem.unknowns, error, time.perf_counter() - start)
-            trials.append(trial)
-            tell(str(trial))
-            if nearest is None or _known(error) <= _known(nearest.trial.error):
-                nearest = _Nearest(trial, candidate, result, split)
-            if error <= target:
-                return _picked(nearest, trials)
-            # The next mesh is made for bars to first order, whose parts are known by element. Where the bars themselves
-            # are wider, those to first order have to be smaller than the target by as much.
-            aim = _MARGIN * target * min(1.0, first / error if np.isfinite(error) else 1.0)
-            before, spent = candidate, trial.seconds + bars_take
-            candidate = next_candidate(candidate, refined.coarse, split, aim)
-            if candidate.unknowns < _SLACK * before.unknowns and not _moved(before, candidate):
-                candidate = finer_candidate(before)
-            ratio = candidate.unknowns / before.unknowns
-            unknowns = int(ratio * trial.unknowns)
-            del refined, corrections
-            memory = int(refined_memory(result) * ratio)
-            tell(
-                f"next: {candidate.told}: about {unknowns} unknowns, {spent * ratio**_GROWTH:.0f} s, "
-                f"{memory_text(memory)}"
-            )
             try:
-                require_memory(memory, 8 * unknowns, "modes on the refined mesh")
-            except TooLargeError as error_:
-                raise _missed(target, nearest, trials, str(error_)) from error_
+                tried = _tried(candidate, target, kinds)
+                trials.append(tried.trial)
+                tell(str(tried.trial))
+                if nearest is None or _is_nearer(tried.trial, nearest.trial):
+                    nearest = tried
+                if tried.trial.error <= target:
+                    return _picked(nearest, trials, kinds)
+                candidate = _next(tried, target, tell)
+            except (SquealError, MemoryError) as error:
+                if nearest is None:
+                    raise
+                traceback.clear_frames(error.__traceback__)  # which hold what was made of the mesh that failed
+                why = str(error) or "the next mesh does not fit into memory"
+                break
         assert nearest is not None
-        raise _missed(target, nearest, trials, f"after {_RUNS} runs")
+        raise _missed(target, nearest, trials, before, kinds, why)
     except KeyboardInterrupt as stop:
         if nearest is None:
             raise
-        raise KeyboardInterrupt(_picked(nearest, trials, bars=False)) from stop
+        raise KeyboardInterrupt(_picked(nearest, trials)) from stop
+
+
+def _tried(candidate: Candidate, target: float, kinds: Sequence[str]) -> _Tried:
+    """Solve on a mesh, and estimate the error; by bars where those to first order do not miss the target already."""
+    start = time.perf_counter()
+    problem = Assembly(candidate.scene, candidate.loaded).problem({})
+    solver = solver_of(candidate.scene)
+    with finer_mesh_ahead(problem) or nullcontext() as ahead:
+        result = _swept(candidate.scene, problem)
+        refined = refine_problem(result, solver, ahead)
+    clock = time.perf_counter()
+    corrections = right_corrections(result, refined)
+    bars_take = _BARS * (time.perf_counter() - clock)
+    split = split_changes(result, refined, corrections).of(kinds)
+    grouped, order = element_groups(refined.coarse), refined.coarse.space.order
+    error = first = float(first_order_bars(split, *grouped, order).max(initial=0.0))
+    by_bars = first <= _SURELY * target
+    if by_bars:
+        result = with_changes(result, changes_by(result, refined, solver, corrections))
+        error, bars_take = estimated_error(result, kinds), 0.0  # in the seconds of this mesh already
+    trial = Trial(candidate.told, result.problem.unknowns, error, time.perf_counter() - start, by_bars)
+    return _Tried(trial, candidate, result, split, refined.coarse, first, bars_take)
+
+
+def _next(tried: _Tried, target: float, tell: Callable[[str], None]) -> Candidate:
+    """Return the mesh that comes next, and tell what it takes.
+
+    Raises
+    ------
+    TooLargeError
+        Its modes do not fit into memory.
+    """
+    trial, before, error = tried.trial, tried.candidate, tried.trial.error
+    # The next mesh is made for bars to first order, whose parts are known by element. Where the bars themselves are
+    # wider, those to first order have to be smaller than the target by as much.
+    aim = _MARGIN * target * min(1.0, tried.first / error if np.isfinite(error) else 1.0)
+    candidate = next_candidate(before, tried.assembly, tried.split, aim)
+    if candidate.unknowns < _SLACK * before.unknowns and not _moved(before, candidate):
+        candidate = finer_candidate(before)
+    ratio = candidate.unknowns / before.unknowns
+    unknowns, seconds = int(ratio * trial.unknowns), (trial.seconds + tried.bars_take) * ratio**_GROWTH
+    memory = int(refined_memory(tried.result) * ratio)
+    tell(f"next: {candidate.told}: about {unknowns} unknowns, {seconds:.0f} s, {memory_text(memory)}")
+    require_memory(memory, 8 * unknowns, "modes on the refined mesh")
+    return candidate
 
 
 def _known(error: float) -> float:
@@ -216,19 +250,37 @@ def _swept(scene: Scene, problem: Problem) -> Sweep:
     )  # fmt: skip
 
 
-def _picked(nearest: _Nearest, trials: list[Trial], bars: bool = True) -> Choice:
-    """Return the choice; with `bars` the error of the mesh is put on its sweep if it is not there yet."""
-    result, (scene, loaded) = nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
-    if bars and result.points[0].discretisation is None:
+def _is_nearer(trial: Trial, other: Trial) -> bool:
+    """Return whether a trial is as near to the target as one before it.
+
+    An error by bars to first order may be the smaller one only because it lacks what bars have.
+    """
+    if trial.by_bars and not other.by_bars and trial.unknowns >= other.unknowns:
+        return True
+    return _known(trial.error) <= _known(other.error)
+
+
+def _picked(nearest: _Tried, trials: list[Trial], kinds: Sequence[str] | None = None) -> Choice:
+    """Return the choice; with `kinds` its sweep has the error of the mesh, and its trial the error by these bars."""
+    trial, result, (scene, loaded) = nearest.trial, nearest.result, (nearest.candidate.scene, nearest.candidate.loaded)
+    if kinds is not None and result.points[0].discretisation is None:
         result = with_discretisation(result, solver_of(scene))
-    return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), nearest.trial), nearest.split)
+        trial = replace(trial, error=estimated_error(result, kinds), by_bars=True)
+    return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), trial), nearest.split)
 
 
-def _missed(target: float, nearest: _Nearest, trials: list[Trial], why: str) -> NotConvergedError:
+def _missed(
+    target: float, nearest: _Tried, trials: list[Trial], before: Sequence[Trial], kinds: Sequence[str], why: str
+) -> NotConvergedError:  # fmt: skip
+    """Return the error with the choice; `before` are the trials of the search that is resumed."""
+    try:
+        choice = _picked(nearest, trials, kinds)
+    except (SquealError, MemoryError) as error:
+        text = f"the error of the mesh is not known: {str(error) or 'the refined mesh does not fit into memory'}"
+        result = replace(nearest.result, warnings=(*nearest.result.warnings, text))
+        choice = _picked(replace(nearest, result=result), trials)
+    own = choice.trials[-1]
     # Of trials before an interruption there is no result any more, so that one of them may be nearer.
-    best = min(_known(trial.error) for trial in trials)
-    which = "nearest" if _known(nearest.trial.error) <= best else "nearest since the search was resumed"
-    return NotConvergedError(
-        f"the target of {100 * target:g} % is not met; {which}: {nearest.trial} ({why})",
-        partial=_picked(nearest, trials),
-    )
+    is_nearest = all(_is_nearer(own, trial) for trial in before)
+    which = "nearest" if is_nearest else "nearest since the search was resumed"
+    return NotConvergedError(f"the target of {100 * target:g} % is not met; {which}: {own} ({why})", partial=choice)

@@ -41,6 +41,7 @@ class _Trial(_Table):
     unknowns: int
     error: _Number
     seconds: float
+    by_bars: bool = True
 
 
 class _Before(_Table):
@@ -151,7 +152,10 @@ class KeptSearch:
             raise another_run(self._out, "the interrupted run was", another)
         try:
             kept = _Kept.model_validate(found)
-            trials = [Trial(t.mesh, t.unknowns, np.nan if t.error is None else t.error, t.seconds) for t in kept.trials]
+            trials = [
+                Trial(t.mesh, t.unknowns, np.nan if t.error is None else t.error, t.seconds, t.by_bars)
+                for t in kept.trials
+            ]
             errors = _line_errors(scene, kept.before)
             mesh = self._out / CHECKPOINT / kept.file
             if _digest(mesh) != kept.digest:

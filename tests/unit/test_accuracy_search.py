@@ -15,6 +15,7 @@ from selection import some
 
 from fe_squeal.accuracy import choose as choosing
 from fe_squeal.accuracy.choose import Choice, Trial, choose
+from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting
@@ -23,7 +24,7 @@ from fe_squeal.cli import main
 from fe_squeal.eigen.linear import choice
 from fe_squeal.eigen.linear.mumps import MumpsOptions
 from fe_squeal.eigen.linear.superlu import SUPERLU
-from fe_squeal.errors import NotConvergedError, SceneError
+from fe_squeal.errors import MeshError, NotConvergedError, SceneError, TooLargeError
 from fe_squeal.run.checkpoint import Checkpoint
 from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.found_mesh import used_again
@@ -95,7 +96,73 @@ def test_a_trial_whose_error_is_not_known_is_nearer_than_none(tmp_path, monkeypa
         choose(scene, 1e-3)
     trials = caught.value.partial.trials
     assert len(trials) == 2 and trials[-1].unknowns == sorted(t.unknowns for t in trials)[nearest]
-    np.testing.assert_equal(trials[-1].error, errors[nearest])
+    assert trials[-1].error == estimated_error(caught.value.partial.result)  # by the bars that are written
+
+
+def fails_at(number, error, whole):
+    """The same function, but for an error at one of its calls."""
+    calls = []
+
+    def call(*given, **named):
+        calls.append(given)
+        if len(calls) == number:
+            raise error
+        return whole(*given, **named)
+
+    return call
+
+
+@pytest.mark.parametrize(("step", "error", "words"), some([
+    ("_swept", NotConvergedError("the modes are not found"), "the modes are not found"),
+    ("right_corrections", TooLargeError("too large a mesh"), "too large a mesh"),
+    ("_swept", MemoryError(), "the next mesh does not fit into memory"),
+    ("next_candidate", MeshError("no such mesh"), "no such mesh"),
+    ("finer_candidate", MemoryError(), "the next mesh does not fit into memory"),
+], lambda step, error, words: words == "too large a mesh"))  # fmt: skip
+def test_what_fails_on_a_later_mesh_leaves_the_nearest(tmp_path, monkeypatch, step, error, words):
+    """The results of the meshes before are as good as ever."""
+    scene = load_scene(written(tmp_path, TWO))
+    monkeypatch.setattr(choosing, "next_candidate", lambda candidate, *_: candidate)
+    monkeypatch.setattr(choosing, step, fails_at(1 if "candidate" in step else 2, error, getattr(choosing, step)))
+    with pytest.raises(NotConvergedError, match=rf"not met; nearest: the scene's own mesh.* \({words}\)") as caught:
+        choose(scene, 1e-3)
+    [trial], result = caught.value.partial.trials, caught.value.partial.result
+    assert trial.by_bars and trial.error == estimated_error(result) > 1e-3
+
+
+def test_bars_that_fail_too_leave_the_sweep(tmp_path, monkeypatch):
+    scene = load_scene(written(tmp_path, TWO))
+    monkeypatch.setattr(choosing, "_RUNS", 1)
+    monkeypatch.setattr(choosing, "next_candidate", lambda candidate, *_: candidate)
+    monkeypatch.setattr(choosing, "with_discretisation", fails_at(1, TooLargeError("too large"), None))
+    with pytest.raises(NotConvergedError, match="not met; nearest: the scene's own mesh") as caught:
+        choose(scene, 1e-3)
+    result = caught.value.partial.result
+    assert result.points[0].discretisation is None and not caught.value.partial.trials[-1].by_bars
+    assert result.warnings[-1] == "the error of the mesh is not known: too large"
+
+
+def test_a_first_mesh_that_fails_says_why(tmp_path, monkeypatch):
+    monkeypatch.setattr(choosing, "right_corrections", fails_at(1, TooLargeError("too large a mesh"), None))
+    with pytest.raises(TooLargeError, match="too large a mesh"):
+        choose(load_scene(written(tmp_path, TWO)), 1e-3)
+
+
+@pytest.mark.parametrize(("firsts", "bars", "nearest"), some([
+    ([0.012, 0.0105], [0.013], 1),  # by bars the first one is farther off than 0.012
+    ([0.5, 0.02], [], 1), ([0.02, 0.5], [], 0), ([0.0105, 0.02], [0.013], 0),
+], lambda firsts, bars, nearest: firsts[0] == 0.012))  # fmt: skip
+def test_bars_to_first_order_do_not_hide_that_a_mesh_is_coarser(tmp_path, monkeypatch, firsts, bars, nearest):
+    scene, to_first_order, by_bars = load_scene(written(tmp_path, TWO)), iter(firsts), iter([*bars, 0.1])
+    monkeypatch.setattr(choosing, "_RUNS", 2)
+    monkeypatch.setattr(choosing, "first_order_bars", lambda *_: np.array([next(to_first_order)]))
+    monkeypatch.setattr(choosing, "estimated_error", lambda *_: next(by_bars))
+    monkeypatch.setattr(choosing, "next_candidate", lambda candidate, *_: candidate)
+    with pytest.raises(NotConvergedError, match="not met; nearest: ") as caught:
+        choose(scene, 0.01)
+    trials = caught.value.partial.trials
+    assert trials[-1].unknowns == sorted(t.unknowns for t in trials)[nearest]
+    assert trials[-1].by_bars and trials[-1].error == (bars[0] if bars and firsts[nearest] == 0.0105 else 0.1)
 
 
 @pytest.mark.slow
@@ -104,6 +171,7 @@ def test_nearest_of_a_resumed_search_is_told_as_such(tmp_path, monkeypatch):
     scene = load_scene(written(tmp_path, TWO))
     monkeypatch.setattr(choosing, "_RUNS", 1)
     monkeypatch.setattr(choosing, "first_order_bars", lambda *_: np.array([0.5]))
+    monkeypatch.setattr(choosing, "estimated_error", lambda *_: 0.5)
     for before, words in ((0.4, "nearest since the search was resumed: "), (0.6, "nearest: ")):
         earlier = [Trial("before", 100, before, 1.0)], choosing.first_candidate(scene)
         with pytest.raises(NotConvergedError, match=f"not met; {words}the scene's own mesh"):
