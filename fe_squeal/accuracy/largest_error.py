@@ -22,8 +22,9 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
 
     - "frequencies": the bar over the frequency, for all modes at all values.
     - "growth": for each branch at the value where it grows fastest, the bar over the largest growth rate of all
-      branches. At other values growth may be small, and its error there is the error of the onset. A mode that does not
-      grow on the mesh, but does by its extrapolated value, grows as fast as that says.
+      branches, those that diverge without oscillating included. At other values growth may be small, and its error
+      there is the error of the onset. A mode that does not grow on the mesh, but does by its extrapolated value, grows
+      as fast as that says.
     - "onsets": the bar of a critical value over this value, or over a tenth of the sweep's interval if that is larger.
 
     Modes and onsets above 0.8 of the highest frequency whose bar is not known are left out: on the refined mesh they
@@ -53,7 +54,7 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
         swinging = lam.imag > 0
         add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
         growth = np.where(point.modes.stability == "unstable", lam.real, hidden_growth(point))
-        for i in np.flatnonzero(swinging & (growth > 0)).tolist():
+        for i in np.flatnonzero(growth > 0).tolist():
             branch, own = int(point.branches[i]), (float(growth[i]), float(bar[i].real), float(lam[i].imag))
             peaks[branch] = max(peaks.get(branch, own), own)
     if peaks:

@@ -112,7 +112,7 @@ def split_changes(
 
 def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: Sequence[Onset]) -> list[_Asked]:
     """Return the quantities that modes at one value give: frequencies and growth at an end of the sweep, and onsets."""
-    fastest = max(float(p.modes.lam.real.max(initial=0.0)) for p in result.points)
+    fastest = max(float(p.modes.lam.real[p.modes.stability == "unstable"].max(initial=0.0)) for p in result.points)
     width = float(np.ptp(refined.values))
     turn = by_eigenvalue(refined, value, modes)
     name = f" at {result.parameter} = {value:.6g}" if width else ""
@@ -122,11 +122,12 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             continue
         highest = float(point.modes.lam.imag.max(initial=0.0))
         for k, lam in enumerate(modes.lam.tolist()):
-            if not 0 < lam.imag <= (1 + _ROUNDED) * highest:
+            if lam.imag > (1 + _ROUNDED) * highest:
                 continue
-            told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}"
-            asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
-            if lam.real > SLOW * fastest:
+            told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}" if lam.imag else f"a divergence{name}"
+            if lam.imag > 0:
+                asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
+            if fastest and lam.real > SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
     for onset in onsets:
         if (found := onset_factor(refined, onset, modes)) is None:

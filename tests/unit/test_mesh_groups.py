@@ -15,6 +15,7 @@ from fe_squeal.accuracy.corrections import right_corrections
 from fe_squeal.accuracy.discretisation import with_changes
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.groups import PLACES, element_groups, element_places, split_dataframe
+from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.pairs import growth_beyond
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.rates import onset_factor
@@ -88,6 +89,34 @@ def test_a_divergence_has_no_mode_that_swings_and_is_not_given_that_of_another()
     still = replace(result, onsets=(replace(onset, frequency_hz=0.0, kind="divergence"),))
     _, found = parts_of(still, refined, CorrectedModel(refined, right_corrections(result, refined)), [])
     assert found.known.tolist() == [False]
+
+
+def test_a_divergence_grows_as_any_other_mode():
+    """What refining changes in its growth has parts, and its bar counts: an inclined spring and friction push it."""
+    problem = make_problem(
+        box("hex1", (2, 1, 1), (0.08, 0.05, 0.03)), order=2,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        bodies={"block": {"material": "m"}}, effects={"friction": {"mu": 0.3}},
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e9,
+                   "sliding": BELT}],
+        springs=[{"name": "side", "surface": "right", "direction": [1, 0, 1], "stiffness": 5e7},
+                 {"name": "guide", "surface": "right", "direction": [0, 1, 0], "stiffness": 1e7}],
+    )  # fmt: skip
+    result = sweep(problem, np.array([0.0, 1.08]), modes=6)
+    refined = refine_problem(result)
+    corrections = right_corrections(result, refined)
+    changes = changes_by(result, refined, corrections=corrections)
+    last, change = result.points[-1], changes.modes[-1]
+    lam = last.modes.lam
+    diverging = np.flatnonzero((lam.imag == 0) & (last.modes.stability == "unstable"))
+    split = split_changes(result, replace(refined, solver=Exact(refined.P))).of(("growth",))
+    found = {name: (scale, own) for name, scale, own in zip(split.names, split.scales, split.changes, strict=True)}
+    assert len(diverging) == 1 and lam.real.max() == lam.real[diverging]
+    scale, own = found["growth of a divergence at mu = 1.08"]
+    assert scale == lam.real.max() and own == pytest.approx(change[diverging].real, rel=0.1)
+    wide = with_changes(result, changes)
+    relative = wide.points[-1].discretisation.real[diverging] / lam.real[diverging]
+    assert estimated_error(wide, ("growth",)) >= relative > 1e-3
 
 
 class Exact:
