@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,7 +28,7 @@ class Split:
     Attributes
     ----------
     names : tuple of str
-        What each quantity is, such as "growth of 2705 Hz at mu = 0.7".
+        What each quantity is, such as "growth of 2705 Hz at mu = 0.7"; no two have the same name.
     kinds : tuple of str
         One of `KINDS` for each quantity.
     scales : (q,) float
@@ -106,8 +107,24 @@ def split_changes(
         return Split((), (), np.zeros(0), np.zeros((0, refined.coarse.space.mesh.nelements, 1)))
     sizes = refined.hierarchy.shares(np.hstack(rho), np.hstack(z))
     parts = np.stack([np.real(a.factor * sizes[a.column]) for a in asked])
-    names, kinds, scales = (tuple(getattr(a, key) for a in asked) for key in ("name", "kind", "scale"))
-    return Split(names, kinds, np.array(scales), parts)
+    kinds, scales = (tuple(getattr(a, key) for a in asked) for key in ("kind", "scale"))
+    return Split(_told_apart([a.name for a in asked]), kinds, np.array(scales), parts)
+
+
+def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names, with a number where one occurs again, as of two modes of equal frequency.
+
+    Examples
+    --------
+    >>> _told_apart(["frequency 100 Hz", "frequency 200 Hz", "frequency 100 Hz"])
+    ('frequency 100 Hz', 'frequency 200 Hz', 'frequency 100 Hz (2)')
+    """
+    known: Counter[str] = Counter()
+    found = []
+    for name in names:
+        known[name] += 1
+        found.append(name if known[name] == 1 else f"{name} ({known[name]})")
+    return tuple(found)
 
 
 def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: Sequence[Onset]) -> list[_Asked]:

@@ -119,6 +119,23 @@ def test_a_divergence_grows_as_any_other_mode():
     assert estimated_error(wide, ("growth",)) >= relative > 1e-3
 
 
+def test_modes_of_equal_frequency_are_quantities_of_their_own():
+    """A bar of square section bends alike in both directions; parts by name add up to the change of each mode."""
+    problem = make_problem(
+        box("hex1", (3, 1, 1), (0.1, 0.02, 0.02)), order=2,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        bodies={"block": {"material": "m"}}, supports=[{"surface": "left", "fixed": "xyz"}],
+    )  # fmt: skip
+    result = sweep(problem, np.array([2600.0]), "materials.m.density", modes=6)
+    refined = refine_problem(result)
+    split = split_changes(result, refined)
+    table = split_dataframe(split, refined.coarse)
+    by_name = table.groupby("quantity", sort=False)
+    assert len(by_name) == len(split.names) == 6 and any(name.endswith(" Hz (2)") for name in split.names)
+    np.testing.assert_allclose(by_name["part"].sum(), by_name["change"].first(), rtol=1e-9)
+    np.testing.assert_allclose(by_name["change"].first(), split.changes, rtol=1e-12)
+
+
 class Exact:
     """P⁻¹ by a factorisation of P, instead of conjugate gradients that end early."""
 
