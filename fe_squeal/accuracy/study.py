@@ -166,7 +166,8 @@ def run_study(
         for place, setting in enumerate(every, 1):
             key = setting.key(of_scene)
             kept = store.load(key) if probes is not None else None
-            if kept is not None:
+            # Without the estimate that is asked for, it is that of a setting alike in all else, such as a tolerance.
+            if kept is not None and ("estimate" in kept.seconds or not setting.estimated):
                 done.append((setting, kept))
                 every[place:place] = _adapted(setting, kept, forecast)
                 continue

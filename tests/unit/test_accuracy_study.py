@@ -93,7 +93,8 @@ def study_with(tiny, tmp_path, monkeypatch, stop_after=None, budget=None, second
         calls.append(setting)
         shapes = np.eye(6)[:, :3] + 0j
         found = fake([100j, 200j, 400j], shapes, changes=[[-1j, -1j, -1j]] * 2 if estimate else ())
-        return replace(found, seconds={"assembly": seconds}), np.zeros((1, 4))
+        stages = {"assembly": seconds} | ({"estimate": 0.5} if estimate else {})
+        return replace(found, seconds=stages), np.zeros((1, 4))
 
     monkeypatch.setattr(study_module, "measure_apart", made_up)
     store = MeasurementFolder(tmp_path / "kept")
@@ -123,6 +124,22 @@ def test_an_interrupted_study_keeps_what_was_measured(tiny, tmp_path, monkeypatc
     assert len(list((tmp_path / "kept").glob("*.npz"))) == 3
     _, _, nothing = study_with(tiny, tmp_path / "other", monkeypatch, stop_after=0)
     assert isinstance(nothing, KeyboardInterrupt) and nothing.args == (None,)
+
+
+def test_a_measurement_without_estimate_does_not_stand_for_one_with_it(tmp_path, monkeypatch):
+    """Where the scene's own tolerance is one of those that are tried, both settings have the same modes."""
+    (tmp_path / "belt.toml").write_text(f"{TINY}tolerance = 1e-6\n", encoding="utf-8")
+    scene, of_scene = load_scene(tmp_path / "belt.toml"), key_of(load_scene(tmp_path / "belt.toml"))
+    same = [s for s in plan(scene) if s.key(of_scene) == own_setting(scene).key(of_scene)]
+    assert sorted((s.knob, s.estimated) for s in same) == [("size", True), ("tolerance", False)]
+    monkeypatch.setattr(study_module, "plan", lambda _: [s for s in same if not s.estimated])
+    study_with(tmp_path / "belt.toml", tmp_path, monkeypatch)
+    monkeypatch.setattr(study_module, "plan", lambda _: same)
+    for expected in ([True], []):  # made once, and kept then
+        _, calls, study = study_with(tmp_path / "belt.toml", tmp_path, monkeypatch)
+        assert [s.estimated for s in calls] == expected
+        by_knob = study.to_dataframe().set_index("knob")["seconds_estimate"]
+        assert by_knob["size"] == 0.5 and len(study.reference.lost)
 
 
 def test_the_command_interrupted_writes_its_tables(tiny, tmp_path, monkeypatch, capsys):
