@@ -53,10 +53,14 @@ modes = 8
 """
 
 
-def fake(lam, shapes, onsets=(), changes=()):
+def fake(lam, shapes, onsets=(), changes=(), appeared=()):
+    """With the likely values 1.4 of the changes away, uncertain by 0.6 of these, where changes are given."""
     lam = np.array([lam, lam], complex)
-    rows = np.array(onsets, float).reshape(-1, 6)
+    rows, new = (np.array(own, float).reshape(-1, 6) for own in (onsets, appeared))
+    changes = np.array(changes, complex).reshape(-1, lam.shape[1])
+    bars = 0.6 * (np.abs(changes.real) + 1j * np.abs(changes.imag))
+    likely = np.column_stack([rows[:, 0], np.zeros(len(rows))])
     return Measurement(
-        1, {"assembly": 1.0}, 1.0, np.array([0.0, 1.0]), lam, shapes, shapes, rows,
-        np.array(changes, complex).reshape(-1, lam.shape[1]), np.zeros(len(rows)),
+        1, {"assembly": 1.0}, 1.0, np.array([0.0, 1.0]), lam, shapes, shapes, rows, lam[: len(changes)] + 1.4 * changes,
+        bars, likely, new,
     )  # fmt: skip

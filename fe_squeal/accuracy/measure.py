@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import compress
@@ -24,11 +24,13 @@ from ..errors import NotConvergedError, SquealError, TooLargeError
 from ..process.isolation import isolated_children
 from ..scene import Scene
 from ..scene.solver import solver_of
+from ..sweep.onset import Onset
 from ..sweep.result import Sweep
 from ..sweep.sweep import sweep
 from .adapt import finer_geometry
 from .corrections import Correction, right_corrections
-from .estimate import Changes, changes_by
+from .discretisation import with_changes
+from .estimate import changes_by
 from .line_errors import line_errors
 from .quantities import split_changes
 from .refined import Refined, refine_problem
@@ -60,10 +62,15 @@ class Measurement:
     onsets : (o, 6) float
         A row for each onset: value, frequency in Hz, 1 for flutter, 1 for an onset into instability, the branches a and
         b (NaN where there is one alone).
-    changes : (m, k) complex, rad/s
-        Change of each eigenvalue when the mesh is refined once; empty where that was not asked for or did not succeed.
-    onset_changes : (o,) float
-        Change of the value of each onset when the mesh is refined once.
+    likely : (m, k) complex, rad/s
+        The likely eigenvalues for an infinitely fine mesh, see `discretisation`; NaN of modes that are not found again
+        when the mesh is refined once, and empty where that was not asked for or did not succeed.
+    bars : (m, k) complex, rad/s
+        The bars of Re λ and of Im λ of these.
+    likely_onsets : (o, 2) float
+        The likely value of each onset, and its bar; NaN of onsets that are not found again, empty as `likely`.
+    appeared : (a, 6) float
+        Rows as those of `onsets`, of onsets that only the refined mesh has.
     finer : str
         A geometry, as JSON, whose mesh is finer where the error comes from; empty where there is none.
     """
@@ -76,8 +83,10 @@ class Measurement:
     first: np.ndarray
     last: np.ndarray
     onsets: np.ndarray
-    changes: np.ndarray
-    onset_changes: np.ndarray
+    likely: np.ndarray
+    bars: np.ndarray
+    likely_onsets: np.ndarray
+    appeared: np.ndarray
     finer: str = ""
 
     @property
@@ -138,30 +147,41 @@ def measure(
             problem, grid[:1], parameter, modes=count, keep_shapes=True, method="direct", linear_solver=solver
         )
         first = alone.points[0].shapes
-    changes, finer, peak = Changes((), ()), "", peak_memory_mib()
+    appeared: tuple[Onset, ...] = ()
+    wide, finer, peak = result, "", peak_memory_mib()
     if estimate:
         clock = time.perf_counter()
         try:
             refined = refine_problem(result, solver)
             corrections = right_corrections(result, refined)
             changes = changes_by(result, refined, solver, corrections)
+            wide, appeared = with_changes(result, changes), changes.appeared
         except (TooLargeError, NotConvergedError):  # the rest is worth keeping
             seconds["estimate"] = time.perf_counter() - clock
         else:
             seconds["estimate"] = time.perf_counter() - clock
             with suppress(TooLargeError, NotConvergedError):
                 finer = _finer(result, refined, corrections)
+    points = list(compress(wide.points, own))
+    onsets = [onset for onset in wide.onsets if not any(onset is new for new in appeared)]
     return Measurement(
         unknowns=problem.unknowns, seconds=seconds, peak_memory_mib=np.nan if peak is None else peak,
-        values=np.array(grid), lam=_padded([p.modes.lam for p in compress(result.points, own)]),
+        values=np.array(grid), lam=_padded([p.modes.lam for p in points]),
         first=np.stack([at @ first[i] for i in range(len(result.points[0].modes))], axis=1),
         last=np.stack([at @ result.points[-1].shapes[i] for i in range(len(result.points[-1].modes))], axis=1),
-        onsets=np.array([
-            (o.value, o.frequency_hz, o.kind == "flutter", o.direction == "into", o.branch_a,
-             np.nan if o.branch_b is None else o.branch_b) for o in result.onsets
-        ], float).reshape(-1, 6),
-        changes=_padded(list(compress(changes.modes, own))), onset_changes=np.array(changes.onsets, float), finer=finer,
+        onsets=_rows(onsets), likely=_padded([p.extrapolated for p in points if p.extrapolated is not None]),
+        bars=_padded([p.extrapolated_discretisation for p in points if p.extrapolated_discretisation is not None]),
+        likely_onsets=np.array([(o.extrapolated, o.extrapolated_discretisation) for o in onsets]).reshape(-1, 2),
+        appeared=_rows(appeared), finer=finer,
     ), probes  # fmt: skip
+
+
+def _rows(onsets: Sequence[Onset]) -> np.ndarray:
+    """Return onsets as rows of `Measurement.onsets`."""
+    return np.array([
+        (o.value, o.frequency_hz, o.kind == "flutter", o.direction == "into", o.branch_a,
+         np.nan if o.branch_b is None else o.branch_b) for o in onsets
+    ], float).reshape(-1, 6)  # fmt: skip
 
 
 def _finer(result: Sweep, refined: Refined, corrections: Mapping[float, Correction]) -> str:

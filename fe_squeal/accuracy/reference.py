@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..sweep.onset import Onset
-from .bars import BARS, EXTRAPOLATED, onset_scale
+from .bars import onset_scale
 from .estimate import COMPARED
 from .measure import Measurement
 from .onset_pairs import pair_onsets
@@ -17,8 +17,9 @@ from .onset_pairs import pair_onsets
 # are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
 _FREQUENCY = 0.1
 _NO_MATCH = 1.5
-# Times the change: how far from EXTRAPOLATED times the change the error may be, with elements of order 2.
-_UNSURE = BARS[2] - EXTRAPOLATED
+# An onset that is not found as one of the reference's may be one of those that are not known, or the other end of a
+# window of such a one, if value and frequency differ by less than this part of the interval and of the frequency.
+_BESIDE = 0.2
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Reference:
         The errors of the reference itself; NaN where they are not known.
     known, last_known, onsets_known : (k,), (k,) and (o,) bool
         Which of `lam`, `last` and `onsets` are known. The others are those of a mesh, and are not found again when it
-        is refined: by them others are paired, but not judged.
+        is refined, or onsets of the refined mesh alone: by them others are paired, but not judged.
     """
 
     shapes: np.ndarray
@@ -94,7 +95,7 @@ class Errors:
         Error of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
     onset : float
         Error of the critical values, relative to the value or to a tenth of the sweep's interval, whichever is larger.
-        An onset that is not found counts as an error of 1.
+        An onset that is not found counts as an error of 1, and so does one that the reference does not have.
     """
 
     frequency: float = np.nan
@@ -117,28 +118,37 @@ def as_reference(m: Measurement) -> Reference:
 
 
 def reference_of(m: Measurement) -> Reference:
-    """Return a reference with its uncertainty: a result, extrapolated by what refining its mesh once changes.
+    """Return a reference with its uncertainty: the likely values for an infinitely fine mesh, and their bars.
 
-    The error is 16/15 to 2 times the change, see `bars`. So the reference is `EXTRAPOLATED` times the change away, and
-    uncertain by what is left from there to 2 times. A mode or onset that is not found again when the mesh is refined
-    has no known change, so that it has no known reference either, and the uncertainty of the quantity that it counts
-    for is not known. Without any changes the result itself is the reference.
+    A mode or onset that is not found again when the mesh is refined, or an onset that only the refined mesh has, has no
+    known reference, and the uncertainty of the quantity that it counts for is not known. Where the mesh was not refined
+    the result itself is the reference.
     """
-    if not len(m.changes):
-        return as_reference(m)
     own = as_reference(m)
-    known, last_known = (np.isfinite(m.changes[i, : len(lam)]) for i, lam in ((0, own.lam), (-1, own.last)))
-    onsets_known = np.isfinite(m.onset_changes)
-    onsets = m.onsets.copy()
-    onsets[onsets_known, 0] += EXTRAPOLATED * m.onset_changes[onsets_known]
-    lam = m.lam + EXTRAPOLATED * np.where(np.isfinite(m.changes), m.changes, 0.0)
-    reference = replace(
-        as_reference(replace(m, lam=lam, onsets=onsets)), known=known, last_known=last_known, onsets_known=onsets_known
+    if not len(m.likely):
+        return own
+    ends = [(lam, m.likely[i, : len(lam)], m.bars[i, : len(lam)]) for i, lam in ((0, own.lam), (-1, own.last))]
+    (known, lam, bars), (last_known, last, last_bars) = (
+        (np.isfinite(likely), np.where(np.isfinite(likely), likely, lam), bars) for lam, likely, bars in ends
     )
-    unsure = _UNSURE / EXTRAPOLATED  # the uncertainty, as a part of the distance between the result and the reference
-    errors = errors_of(m, reference)
-    away = zip((errors.frequency, errors.growth, errors.onset), reference.lost, strict=True)
-    return replace(reference, uncertainty=Errors(*(np.nan if lost else unsure * e for e, lost in away)))
+    found = np.isfinite(m.likely_onsets[:, 0])
+    onsets = m.onsets.copy()
+    onsets[found, 0] = m.likely_onsets[found, 0]
+    reference = replace(
+        own, lam=lam, last=last, onsets=np.vstack([onsets, m.appeared]), known=known, last_known=last_known,
+        onsets_known=np.append(found, np.zeros(len(m.appeared), dtype=bool)),
+    )  # fmt: skip
+    scales = np.array([onset_scale(value, m.values) for value in onsets[:, 0]])
+    relative = (
+        bars.imag[reference.counted] / lam.imag[reference.counted],
+        last_bars.real[reference.growing] / max(last.real[reference.growing].max(initial=0.0), np.finfo(float).tiny),
+        (m.likely_onsets[:, 1] / scales)[reference.counted_onsets[: len(found)]],
+    )
+    unsure = (
+        np.nan if lost or not len(errors) else float(np.max(errors))
+        for errors, lost in zip(relative, reference.lost, strict=True)
+    )
+    return replace(reference, uncertainty=Errors(*unsure))
 
 
 def with_exact(reference: Reference, frequencies: np.ndarray) -> Reference:
@@ -218,7 +228,17 @@ def _onset_error(m: Measurement, reference: Reference, same: dict[int, int]) -> 
     for i in np.flatnonzero(reference.counted_onsets & reference.onsets_known).tolist():
         onset, j = true[i], paired[i]
         errors.append(abs(found[j].value - onset.value) / onset_scale(onset.value, m.values) if j is not None else 1.0)
+    unknown = [true[i] for i in np.flatnonzero(~reference.onsets_known).tolist()]
+    for j, onset in enumerate(found):
+        counts = 2 * np.pi * onset.frequency_hz <= reference.limit
+        if counts and j not in paired and not any(_is_beside(onset, other, reference.width) for other in unknown):
+            errors.append(1.0)
     return max(errors, default=np.nan)
+
+
+def _is_beside(one: Onset, other: Onset, width: float) -> bool:
+    apart = abs(one.value - other.value) / width, abs(one.frequency_hz - other.frequency_hz)
+    return apart[0] <= _BESIDE and apart[1] <= _BESIDE * max(one.frequency_hz, other.frequency_hz)
 
 
 def _onsets(rows: np.ndarray) -> list[Onset]:

@@ -75,7 +75,8 @@ class Study:
 
         The `error_` columns are errors against the reference, the `algebraic_` ones against the best solution on the
         same mesh: a direct solve, or else the setting with the smallest tolerance. The `lost_` columns are how many
-        modes, growing modes and onsets of the finest mesh are not found again when it is refined, and so not compared.
+        modes, growing modes and onsets of the finest mesh are not found again when it is refined, or onsets of the
+        refined mesh are not those of it, and so not compared.
         """
         import pandas as pd
 
@@ -200,7 +201,7 @@ def run_study(
         if not done:
             raise KeyboardInterrupt(None) from stop
     progress(len(done), len(every), f"{len(done)} of {len(every)} measured", False)
-    fine = [(s, m) for s, m in done if len(m.changes)] or [(s, m) for s, m in done if s.method != "modal"]
+    fine = [(s, m) for s, m in done if len(m.likely)] or [(s, m) for s, m in done if s.method != "modal"]
     if not fine:
         reasons = "; ".join(f"{s}: {why}" for s, why in left_out[:3])
         raise NotConvergedError(f"nothing could be measured ({reasons})")

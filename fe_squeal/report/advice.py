@@ -86,16 +86,20 @@ def fitted(frame: pd.DataFrame, order: int, quantity: str) -> float | None:
 
 
 def lost(frame: pd.DataFrame, quantity: str) -> str:
-    """Return in words how many of what a quantity is of the refined finest mesh does not have; "" where it has all.
+    """Return in words how many of what a quantity is of only one of the finest and the refined mesh has; "" if none.
 
     Examples
     --------
-    >>> lost(pd.DataFrame({"lost_onset": [1, 1]}), "error_onset")
+    >>> lost(pd.DataFrame({"lost_growth": [1, 1]}), "error_growth")
     '1 of them vanishes when the finest mesh is refined'
+    >>> lost(pd.DataFrame({"lost_onset": [2, 2]}), "error_onset")
+    '2 of them vanish or appear when the finest mesh is refined'
     """
     name = quantity.replace("error", "lost")
     count = float(frame[name].max()) if name in frame else 0.0
-    return f"{count:g} of them vanish{'es' if count == 1 else ''} when the finest mesh is refined" if count > 0 else ""
+    verbs = ["vanishes", "appears"] if count == 1 else ["vanish", "appear"]
+    verb = " or ".join(verbs if quantity == "error_onset" else verbs[:1])
+    return f"{count:g} of them {verb} when the finest mesh is refined" if count > 0 else ""
 
 
 def lines_of(frame: pd.DataFrame) -> Iterator[tuple[ChartLine, pd.DataFrame]]:
@@ -127,7 +131,7 @@ def advice(frame: pd.DataFrame, quantity: str) -> list[str]:
     rows = frame[frame["knob"].isin(["size", "adapted"]) & np.isfinite(frame[quantity])]
     told = [_advised(rows, target, quantity) for target in TARGETS]
     if vanished:
-        told.append(f"{what}: {vanished}, so that what vanishes has no known error: it is not compared.")
+        told.append(f"{what}: {vanished}, so that what does has no known error: it is not compared.")
     return told
 
 

@@ -11,6 +11,8 @@ from ..accuracy.measure import Measurement
 from ..errors import OutputError
 from ..report.files import replace_atomically
 
+_OLDER = "changes"  # an array that measurements of older programs have, instead of the likely values
+
 
 class MeasurementFolder:
     """A folder of measurements, which a study of accuracy uses as its `MeasurementStore`."""
@@ -19,7 +21,7 @@ class MeasurementFolder:
         self.folder = folder
 
     def load(self, key: str) -> Measurement | None:
-        """Return the measurement that was kept under a key, or None.
+        """Return the measurement that was kept under a key, or None; one of an older program that has less is none.
 
         Raises
         ------
@@ -31,11 +33,12 @@ class MeasurementFolder:
             return None
         try:
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                found = {f.name: file[f.name] for f in fields(Measurement) if f.name in file or f.name != "finer"}
+                if _OLDER in file:
+                    return None
+                found = {f.name: file[f.name] for f in fields(Measurement)}
                 seconds = dict(zip(file["stages"].tolist(), file["seconds"].tolist(), strict=True))
             found |= {"unknowns": int(found["unknowns"]), "peak_memory_mib": float(found["peak_memory_mib"])}
-            finer = str(found.get("finer", ""))  # measurements of older programs have none
-            return Measurement(**{**found, "seconds": seconds, "finer": finer})
+            return Measurement(**{**found, "seconds": seconds, "finer": str(found["finer"])})
         except Exception as error:  # NumPy raises almost any exception at damaged files
             raise _damaged(path, error) from error
 

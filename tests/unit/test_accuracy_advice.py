@@ -55,11 +55,11 @@ def test_what_the_refined_mesh_does_not_have_is_told_and_no_mesh_advised_for_it(
     columns |= {f"algebraic_{what}": np.nan for what in ("frequency", "growth", "onset")}
     columns |= dict(lost_frequency=2, lost_growth=0, lost_onset=1)
     frame = table().assign(**columns, error_onset=np.nan)
-    gone = "1 of them vanishes when the finest mesh is refined"
+    gone = "1 of them vanishes or appears when the finest mesh is refined"
     assert advice(frame, "error_onset") == [f"Critical values: not known: {gone}."]
     assert len(advice(frame, "error_growth")) == 3
     *_, last = advice(frame, "error_frequency")
-    assert last.startswith("Frequencies: 2 of them vanish when the finest mesh is refined, so that what vanishes has")
+    assert last.startswith("Frequencies: 2 of them vanish when the finest mesh is refined, so that what does has")
     own = {"error_frequency": np.nan, "error_growth": 0.02, "error_onset": np.nan}
     text = accuracy_page(frame, own, "order 2, 7 mm", False, (), "")
     assert "uncertain by growth rates 2 %; frequencies: not known: 2 of them vanish when" in text

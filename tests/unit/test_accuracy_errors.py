@@ -46,17 +46,35 @@ def test_reference_is_extrapolated_and_says_how_sure_it_is():
     assert reference.uncertainty.frequency == pytest.approx(0.6 / 98.6)  # an error of 2 times the change, see `bars`
 
 
+def test_what_only_the_refined_mesh_has_is_not_known_either():
+    """Another mesh may have it or not; an onset that neither has is an error."""
+    shapes, one = np.eye(6)[:, :3] + 0j, (0.4, 100 / (2 * np.pi), 1, 1, 1, 2)
+    new, far = (0.7, 150 / (2 * np.pi), 1, 1, 0, np.nan), (0.1, 200 / (2 * np.pi), 1, 1, 2, 3)
+    lam, changes = [100j, 150j, 300j], [[-1j] * 3] * 2
+    reference = reference_of(fake(lam, shapes, [one], changes, [new]))
+    assert np.isnan(reference.uncertainty.onset) and reference.lost == (0, 0, 1)
+    for found, error in (([one], 0.0), ([one, (0.72, *new[1:4], 2, 3)], 0.0), ([one, far], 1.0)):
+        assert errors_of(fake(lam, shapes, found), reference).onset == error
+    out = (0.75, new[1], 1, 0, 2, 3)  # the end of the window that begins there
+    assert errors_of(fake(lam, shapes, [one, new, out]), reference).onset == 0.0
+    high = (0.1, 350 / (2 * np.pi), 1, 1, 3, np.nan)  # beyond 0.8 of the highest frequency
+    assert errors_of(fake(lam, shapes, [one, high]), reference).onset == 0.0
+    alone = reference_of(fake(lam, shapes, [one], changes))
+    assert alone.uncertainty.onset == 0.0 and errors_of(fake(lam, shapes, [one, new]), alone).onset == 1.0
+    assert errors_of(fake(lam, shapes, [new]), reference_of(fake(lam, shapes, (), changes))).onset == 1.0
+
+
 def test_what_the_refined_mesh_does_not_have_is_not_known():
     """A NaN is no change of 0: the mode or onset has no error, and the quantity that it counts for no uncertainty."""
     shapes, two = np.eye(6)[:, :4] + 0j, ((0.4, 100 / (2 * np.pi), 1, 1, 1, 2), (0.6, 150 / (2 * np.pi), 1, 1, 2, 3))
     lam, change = np.array([5 + 100j, 8 + 150j, 200j, 400j]), np.full((2, 4), -1.0 - 1j)
-    found = replace(fake(lam, shapes, two, change), onset_changes=np.array([0.01, np.nan]))
+    found = replace(fake(lam, shapes, two, change), likely_onsets=np.array([[0.414, 0.006], [np.nan, np.inf]]))
     half = reference_of(found)
     assert np.isnan(half.uncertainty.onset) and half.lost == (0, 0, 1)
     assert half.uncertainty.frequency == pytest.approx(0.6 / 98.6)
     shifted = fake(lam, shapes, [(0.414, *two[0][1:]), (0.9, *two[1][1:])])
     assert errors_of(shifted, half).onset == pytest.approx(0.0, abs=1e-12)  # the other has none
-    none = reference_of(replace(found, onset_changes=np.full(2, np.nan)))
+    none = reference_of(replace(found, likely_onsets=np.full((2, 2), np.nan)))
     assert np.isnan(errors_of(shifted, none).onset) and np.isnan(none.uncertainty.onset) and none.lost[2] == 2
     change[:, 1] = np.nan * (1 + 1j)  # the mode at 150 rad/s, which grows most
     gone = reference_of(fake(lam, shapes, changes=change))

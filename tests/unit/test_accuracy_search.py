@@ -14,7 +14,9 @@ from accuracy_scene import TINY
 from selection import some
 
 from fe_squeal.accuracy import choose as choosing
+from fe_squeal.accuracy import measure as measuring
 from fe_squeal.accuracy.choose import Choice, Trial, choose
+from fe_squeal.accuracy.discretisation import with_changes
 from fe_squeal.accuracy.largest_error import estimated_error
 from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.reference import errors_of, reference_of
@@ -31,6 +33,7 @@ from fe_squeal.run.found_mesh import used_again
 from fe_squeal.run.inputs import run_inputs
 from fe_squeal.run.resume import is_finished
 from fe_squeal.scene.file import load_scene
+from fe_squeal.sweep.onset import Onset
 
 TWO = TINY.replace("size = 0.02", "size = 0.04").replace("points = 3", "points = 2")  # of two hexahedra
 QUIET = '[output]\nreport = false\nshapes = "none"\n'
@@ -51,9 +54,34 @@ def test_a_window_between_two_values_is_none_of_the_values(tmp_path):
     scene = load_scene(written(tmp_path, text))
     found, _ = measure(scene, replace(own_setting(scene), method="direct"), None, True)
     assert ((found.onsets[:, 0] > 3e10) & (found.onsets[:, 0] < 5e10)).sum() == 2  # in and out again
-    assert found.lam.shape == found.changes.shape and len(found.lam) == 2
+    assert found.lam.shape == found.likely.shape == found.bars.shape and len(found.lam) == 2
     errors = errors_of(found, reference_of(found))
     assert 0 < errors.frequency < 0.1
+
+
+def test_a_reference_is_where_the_bars_of_its_mesh_say(tmp_path, monkeypatch):
+    """Likely values and their bars are those of a run with an estimate, and onsets of the refined mesh are kept."""
+    scene, changes = load_scene(written(tmp_path, TWO.replace("to = 0.6", "to = 1.2"))), []
+    new = Onset("mu", 0.1, 500.0, "flutter", "into", np.nan, 0, None, 0.0)
+    whole = measuring.changes_by
+    monkeypatch.setattr(
+        measuring, "changes_by", lambda *how: changes.append(replace(whole(*how), appeared=(new,))) or changes[0]
+    )
+    found, _ = measure(scene, own_setting(scene), None, True)
+    candidate = choosing.first_candidate(scene)
+    wide = with_changes(choosing._swept(scene, Assembly(candidate.scene, candidate.loaded).problem({})), changes[0])
+    reference = reference_of(found)
+    point, counted = wide.points[0], reference.counted
+    np.testing.assert_allclose(reference.lam, point.extrapolated, rtol=1e-6)
+    bars = point.extrapolated_discretisation.imag / point.extrapolated.imag
+    assert reference.uncertainty.frequency == pytest.approx(bars[counted].max(), rel=1e-4)
+    onsets = [o for o in wide.onsets if o.branch_a]
+    assert len(onsets) and len(reference.onsets) == len(onsets) + 1
+    np.testing.assert_allclose(reference.onsets[:, 0], [*(o.extrapolated for o in onsets), new.value], rtol=1e-6)
+    assert reference.onsets_known.tolist() == [True] * len(onsets) + [False]
+    last, growing = wide.points[-1], reference.growing
+    bars = last.extrapolated_discretisation.real[growing] / last.extrapolated.real[growing].max()
+    assert reference.uncertainty.growth == pytest.approx(bars.max(), rel=1e-4)
 
 
 @pytest.mark.slow

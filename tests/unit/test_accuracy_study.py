@@ -142,6 +142,17 @@ def test_a_measurement_without_estimate_does_not_stand_for_one_with_it(tmp_path,
         assert by_knob["size"] == 0.5 and len(study.reference.lost)
 
 
+def test_a_measurement_of_an_older_program_is_made_again(tmp_path):
+    """It has changes by refinement, and not the likely values and their bars."""
+    kept, made = MeasurementFolder(tmp_path), fake([100j, 200j], np.eye(6)[:, :2] + 0j, changes=[[-1j, -1j]] * 2)
+    kept.save("new", made)
+    np.testing.assert_array_equal(kept.load("new").bars, made.bars)
+    with np.load(tmp_path / "new.npz") as file:
+        arrays = {name: file[name] for name in file.files if name not in ("likely", "bars", "likely_onsets")}
+    np.savez(tmp_path / "old.npz", changes=np.zeros((2, 2)), onset_changes=np.zeros(0), **arrays)
+    assert kept.load("old") is None
+
+
 def test_the_command_interrupted_writes_its_tables(tiny, tmp_path, monkeypatch, capsys):
     _, _, stop = study_with(tiny, tmp_path, monkeypatch, stop_after=3)
 

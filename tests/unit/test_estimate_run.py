@@ -55,7 +55,7 @@ def test_refined_mesh_that_does_not_fit(tmp_path, capsys, monkeypatch):
     assert "the error of the mesh is not known" in said and "GiB are free" in said and "would fit" in said
     assert columns(out)[0].isna().all(axis=None)
     found, _ = measure(load_scene(scene), Setting(1, 0.02, 8, "reduced", 1e-8), None, True)
-    assert np.isfinite(found.lam).any() and not len(found.changes) and "estimate" in found.seconds
+    assert np.isfinite(found.lam).any() and not len(found.likely) and "estimate" in found.seconds
 
 
 @pytest.mark.slow
