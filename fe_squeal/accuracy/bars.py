@@ -20,7 +20,8 @@ The bar is the largest s times |Δλ|, separately for the real and the imaginary
   a bar are at least `SHARE` times the bar that |Δλ| would give.
 - Two modes that nearly meet have λ = m ± √D, and m and D change linearly with the mesh where λ does not. So m and D of
   each mode and the nearest other one are extrapolated for all s in the range, see `pairs`, and the bar reaches as far
-  as λ then does. Without damping the parts of a growth rate are taken for parts of its square.
+  as λ then does. Without damping the parts of a growth rate are taken for parts of its square. A mode whose frequency
+  falls to zero meets its own λ* there, and may diverge where friction or compression can make it.
 - A pair λ, −λ* may become two modes without growth on the refined mesh, each with a change of its own. The larger of
   the two changes counts for both.
 - Along the parameter the change may pass through zero at a value where the error does not. So a bar is the largest of

@@ -28,7 +28,7 @@ from .bars import (
 from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import Changes, refined_changes
 from .largest_error import hidden_growth
-from .pairs import bent_change, extrapolated, growth_beyond, may_couple
+from .pairs import bent_change, extrapolated, growth_beyond, may_couple, may_diverge, near_zero
 from .polygons import straight_edges
 
 _ROUNDING = 1e-6  # of |λ|: growth below this is what rounding makes of two equal eigenvalues
@@ -68,7 +68,8 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     found = [
         _bars(
             point, change, parts, spectrum, order, result.problem.is_damped,
-            may_couple(result.problem, result.parameter, point.value),
+            (may_couple(result.problem, result.parameter, point.value),
+             may_diverge(result.problem, result.parameter, point.value)),
         )
         for point, change, parts, spectrum in zip(
             result.points, changes.modes, changes.parts or unknown, changes.spectra, strict=True
@@ -141,11 +142,12 @@ class _Bars:
 
 def _bars(
     point: SweepPoint, change: np.ndarray, parts: Parts, spectrum: tuple[np.ndarray, np.ndarray, np.ndarray],
-    order: int, is_damped: bool, may_couple: bool,
+    order: int, is_damped: bool, may: tuple[bool, bool],
 ) -> _Bars:  # fmt: skip
     """Return the bars of a point's modes by the rules of `bars`; parameters are those of `Changes`.
 
-    Where two modes cannot couple, each is extrapolated by itself, however near to another it is, and none grows.
+    `may` tells whether modes may couple, and whether one may diverge. Where two modes cannot couple, each is
+    extrapolated by itself, however near to another it is, and none grows but one that diverges.
     """
     (lam, refined, modes), partner = spectrum, mirror_partners(point.modes)
     opposite = parts.times(np.full(len(partner), -1.0)).at(partner)  # of a mode that decays as its mirror image grows
@@ -157,13 +159,16 @@ def _bars(
     factors = factors_of(change.real, parts, order)
     least, middle, most = factors_of(np.zeros(len(lam)), Parts.unknown(len(lam)), order)
     least[modes], middle[modes], most[modes] = factors
-    further = extrapolated(lam, refined, middle) if may_couple else lam + middle * (refined - lam)
-    bent = [bent_change(lam, refined, order, most, *x)[modes] for x in ((), (least, further))]
-    if not may_couple:
-        bent = [1j * x.imag for x in bent]
+    further = extrapolated(lam, refined, middle, *may)
+    bent = [
+        bent_change(lam, refined, order, most, first, about, *may)[modes]
+        for first, about in ((None, None), (least, further))
+    ]
     moved = (further - lam)[modes]
-    # Two modes that approach each other have Re λ = 0 on both meshes, and not where their extrapolated values meet.
-    meets = np.abs(np.nan_to_num(moved).real) > np.maximum(uncertain, _ROUNDING * np.abs(point.modes.lam))
+    # Two modes that approach each other have Re λ = 0 on both meshes, and not where their extrapolated values meet; nor
+    # has a mode whose frequency falls to zero, which may lie within the bar alone.
+    reach = np.where(near_zero(lam, refined, *may)[modes], bent[0].real, np.abs(np.nan_to_num(moved).real))
+    meets = reach > np.maximum(uncertain, _ROUNDING * np.abs(point.modes.lam))
     balanced = still & (np.abs(np.nan_to_num(change).real) <= uncertain) & ~meets
     bars = bar_of(change, bent[0], balanced, order, growth)
 
@@ -173,6 +178,7 @@ def _bars(
     re = np.where(balanced, 0.0, np.where(parts.known, width, np.maximum(re, bent[1].real)))
     values = point.modes.lam + moved
     values = np.where(balanced, 1j * values.imag, values)
+    values.imag = np.where(point.modes.lam.imag > 0, np.maximum(values.imag, 0.0), values.imag)  # frequencies
     beyond_bars = re + 1j * np.maximum(im, bent[1].imag)
     return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 

@@ -66,6 +66,32 @@ def test_changes_are_those_of_the_refined_mesh_where_modes_change_by_orders(para
         assert (apart[rows, columns] <= 0.05 * np.abs(change[known][rows]) + 1e-5 * np.abs(refined[rows])).all()
 
 
+def test_a_divergence_that_the_extrapolated_value_alone_has_counts():
+    """An inclined spring and friction make a pad diverge, a second time from mu = 1.1286 on; on two elements it is
+    1.1389, and 1.1316 on these refined: at 1.13 the mode oscillates on both."""
+    scene = {
+        "mesh": {"file": "none.msh", "order": 2}, "materials": {"lining": LINING},
+        "bodies": {"block": {"material": "lining"}},
+        "springs": [{"name": n, "surface": "right", "direction": d, "stiffness": k}
+                    for n, d, k in (("side", [1, 0, 1], 5e7), ("guide", [0, 1, 0], 1e7))],
+        "contacts": [{"name": "face", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e10,
+                      "sliding": BELT}],
+        "effects": {"friction": {"mu": 1.13}},
+    }  # fmt: skip
+    scene, mesh = fe_squeal.parse_scene(scene), from_skfem(box("hex1", (2, 1, 1), (0.08, 0.04, 0.02)))
+    coarse, fine = (Assembly(scene, m).problem({}) for m in (mesh, refine(refine(mesh))))
+    sweeps = [fe_squeal.sweep(problem, [1.13], modes=6) for problem in (coarse, fine)]
+    diverging = [result.points[0].modes.lam.real for result in sweeps]
+    assert [int((re > 1.0).sum()) for re in diverging] == [1, 2]
+    result = with_discretisation(sweeps[0])
+    point = result.points[0]
+    hidden = int(np.argmin(np.where(point.modes.lam.imag > 0, point.modes.lam.imag, np.inf)))
+    assert point.modes.lam.real[hidden] == 0 and point.extrapolated.imag[hidden] == 0
+    true, bar = np.sort(diverging[1])[-2], point.extrapolated_discretisation.real[hidden]
+    assert abs(point.extrapolated.real[hidden] - true) <= bar and point.discretisation.real[hidden] >= true
+    assert any("a mode of 24.796 Hz does not grow on this mesh, and grows by" in w for w in result.warnings)
+
+
 def test_growth_that_the_extrapolated_value_alone_has_counts():
     """The mesh has Re λ = 0 at mu = 0.25, finer ones have a mode of 6.13 kHz that grows by some 480 1/s."""
     coarse, _ = problems("tet2", C4, (16933745.9, 68270290.6), 59649208996.2, 0.25, 0.26267716)

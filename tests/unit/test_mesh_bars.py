@@ -15,8 +15,9 @@ from fe_squeal.accuracy.bars import BARS, SHARE, Parts, bar_of, bar_of_parts, be
 from fe_squeal.accuracy.discretisation import near_onsets, with_changes, with_discretisation
 from fe_squeal.accuracy.estimate import Changes, Interpolated, refined_changes
 from fe_squeal.accuracy.largest_error import estimated_error
-from fe_squeal.accuracy.pairs import bent_change, growth_beyond
+from fe_squeal.accuracy.pairs import bent_change, extrapolated, growth_beyond
 from fe_squeal.report.tables import print_onsets
+from meshes import box, make_problem
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -50,6 +51,37 @@ def test_two_modes_that_nearly_meet_are_extrapolated_together(rate, start):
         error = true - lam[i]
         holds = (np.abs(error.real) <= bars[i].real * (1 + 1e-9)) & (np.abs(error.imag) <= bars[i].imag * (1 + 1e-9))
         assert holds.any(), (lam, refined, true, bars)
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("exact", [1e4, 2e3, 1e2, -2e3, -1e4])
+@pytest.mark.parametrize("couples", [True, False])
+def test_a_mode_whose_frequency_falls_to_zero_may_diverge(rate, exact, couples):
+    """−λ² = `exact` + 12000 on the mesh falls to `exact` in proportion to h^rate; beside it a mode far above."""
+    start = exact + 12e3
+    squares = [start, exact + 2.0**-rate * (start - exact), exact]
+    lam, refined, true = (np.array([np.sqrt(-D + 0j), 5000j]) for D in squares)
+    bent = bent_change(lam, refined, 2, may_couple=couples)
+    bar, error = bar_of(refined - lam, bent, np.zeros(2, bool), 2), np.abs(true - lam)[0]
+    assert abs((true - lam)[0].real) <= bar[0].real * (1 + 1e-9)
+    assert abs((true - lam)[0].imag) <= bar[0].imag * (1 + 1e-9) and error > 0
+    likely = extrapolated(lam, refined, 1 / (1 - 2.0**-rate), couples)
+    np.testing.assert_allclose(likely, true, rtol=1e-9 if exact < 5e3 else 0.06)  # where it changes little, λ itself
+    assert abs(bent[1]) < 1e-3 * abs(lam[1]) and not likely[1].real
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_body_without_friction_never_diverges(order):
+    """However much its frequencies fall as the mesh is refined: by a third with linear tetrahedra."""
+    problem = make_problem(
+        box("tet1", (2, 1, 1), (0.08, 0.04, 0.02)), order=order, bodies={"block": {"material": "m"}},
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.25, "density": 2600.0}},
+        springs=[{"name": n, "surface": "left", "direction": d, "stiffness": 1e8}
+                 for n, d in zip("xyz", np.eye(3).tolist(), strict=True)],
+    )  # fmt: skip
+    point = with_discretisation(fe_squeal.sweep(problem, [2600.0], "materials.m.density", modes=6)).points[0]
+    assert not point.discretisation.real.any() and not point.extrapolated.real.any()
+    assert (point.extrapolated.imag > 0).all()
 
 
 def test_linear_extrapolation_alone_would_not_hold():
