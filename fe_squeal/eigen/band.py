@@ -157,8 +157,9 @@ def with_far_growth(
     # Copies of multiple eigenvalues that one start vector has not shown are among them, whether they grow or not.
     far = far[is_light(known.lam[far]) | grow_below(pencil, known.lam[far])]
     far = far[~_known_zeros(damped, modes, free, known.lam[far], known.right[:, far])]
+    modes = replace(modes, unsearched=modes.unsearched.joined(known.unsearched))
     if not len(far):
-        return replace(modes, method=known.method)
+        return modes
     lam, right, left = known.lam[far], known.right[:, far], known.left[:, far]
     if pencil.C is not None:
         return together(modes, modes_from_lambda(pencil, lam, right, left, known.method))

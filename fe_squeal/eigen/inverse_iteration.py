@@ -58,7 +58,7 @@ def improved(
         values, right, left = values.real, right.real, left.real
     modes_from = modes_from_theta if pencil.C is None else modes_from_lambda
     better = modes_from(pencil, values, right, left, modes.method)
-    return replace(better, exhaustive=modes.exhaustive, beyond=modes.beyond)
+    return replace(better, exhaustive=modes.exhaustive, beyond=modes.beyond, unsearched=modes.unsearched)
 
 
 def _iterated(

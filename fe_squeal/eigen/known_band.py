@@ -24,6 +24,7 @@ from .pencil import Modes, Pencil
 from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
 from .shift import BEHIND, LIGHT, light_tilt
 from .shift_invert import ShiftInverted
+from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, TILTED, Unsearched
 
 _FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
 _MOST = 2.5  # times the eigenvalues expected: as many are looked for in a disc, in addition to _FULL
@@ -61,8 +62,8 @@ class KnownBand:
         All eigenvalues between these are known once a range is covered; nothing is known below `low`.
     near : float, rad/s
         Down to there the discs on the imaginary axis reach.
-    thin : bool
-        Only what lies near the imaginary axis is known in some part.
+    unsearched : Unsearched
+        What was not looked for, but for what is below `low`.
     crowded : bool
         Overdamped modes are so many that only some of them are known.
     """
@@ -77,9 +78,9 @@ class KnownBand:
     low: float = 0.0
     near: float = 0.0
     discs: int = 0
-    thin: bool = False
     crowded: bool = False
     method: str = ""
+    unsearched: Unsearched = ALL_SEARCHED
     _modes: Modes | None = None
     _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
 
@@ -132,7 +133,7 @@ class KnownBand:
         whole = _on_ray(abs(sigma), known, light_tilt(near))
         if whole[0] < whole[1]:
             return whole
-        self.thin = True
+        self._leave_out(TILTED)  # only what lies near the axis is known here
         return _on_ray(abs(sigma), known, 0.0)
 
     def add_rest(self, top: float) -> None:
@@ -161,7 +162,7 @@ class KnownBand:
         while high > max(self.near, _SLIVER * top):
             _, known = self._disc(_ASLANT * high * (1 + 1j), _ASLANT_RADIUS * high, None)
             if known < _ASLANT_RADIUS * high * (1 - _CLEAR):
-                self.method += ", without a full search for flutter that grows fast"
+                self._leave_out(FAST_FLUTTER)
                 return
             high *= _OVERLAP * _ASLANT_NEXT
 
@@ -170,7 +171,7 @@ class KnownBand:
         while high > low:
             sigma, known = self._disc(_GROWING * high, _NARROW * _GROWING * high, 0, growing=True)
             if known < _NARROW * abs(sigma) * (1 - _CLEAR):
-                self.method += ", without a full search for real eigenvalues that grow"
+                self._leave_out(GROWTH)
                 return False
             high *= _OVERLAP * _GROWING * (1 - _NARROW)
         return True
@@ -198,7 +199,7 @@ class KnownBand:
                 break
             if not grows:
                 return
-        self.method += f", without a search for real eigenvalues that grow faster than {rate:.3g} 1/s"
+        self.unsearched = self.unsearched.joined(Unsearched(rate=rate))
 
     def add_slow(self, top: float) -> None:
         """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there."""
@@ -294,6 +295,10 @@ class KnownBand:
             return sigma, known
         return sigma, 0.0
 
+    def _leave_out(self, kind: str) -> None:
+        """Note a kind of modes that is not looked for everywhere."""
+        self.unsearched = self.unsearched.joined(Unsearched((kind,)))
+
     def _states(self) -> tuple[States, States] | None:
         """Return states that span those of all known modes, of the problem and of the adjoint one.
 
@@ -352,12 +357,8 @@ class KnownBand:
         """Return the modes found, those of free motions among them."""
         if self._modes is None:
             self._modes = self._made()
-        method = self.method  # what was left out may have been told since
-        if self.low:
-            method += f", above {self.low / (2 * np.pi):.3g} Hz"
-        if self.thin:
-            method += ", near the imaginary axis"
-        return replace(self._modes, method=method)
+        unsearched = self.unsearched.joined(Unsearched(low=self.low))  # which may have grown since
+        return replace(self._modes, method=self.method, unsearched=unsearched)
 
     def _made(self) -> Modes:
         n = self.pencil.n

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from .blocks import lift
 from .polish import equilibrate
+from .unsearched import ALL_SEARCHED, Unsearched
 
 ProblemClass = Literal["symmetric", "nonsymmetric", "quadratic", "complex"]
 _Matrix: TypeAlias = sp.csr_array | np.ndarray
@@ -155,6 +156,8 @@ class Modes:
     beyond : float
         Largest Re λ, 1/s, of eigenvalues that are left out since loss factors alone let them swing, see `quality`; 0
         for none.
+    unsearched : Unsearched
+        What was not looked for.
     """
 
     lam: np.ndarray
@@ -166,6 +169,7 @@ class Modes:
     method: str = ""
     exhaustive: bool = False
     beyond: float = 0.0
+    unsearched: Unsearched = ALL_SEARCHED
 
     def __len__(self) -> int:
         return len(self.lam)

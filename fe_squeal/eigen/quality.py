@@ -127,7 +127,7 @@ def together(modes: Modes, others: Modes) -> Modes:
     every = Modes(
         np.append(modes.lam, others.lam), np.hstack([modes.right, others.right]), np.hstack([modes.left, others.left]),
         np.append(modes.backward_error, others.backward_error), u, np.append(modes.condition, others.condition),
-        others.method, beyond=max(modes.beyond, others.beyond),
+        others.method, beyond=max(modes.beyond, others.beyond), unsearched=modes.unsearched.joined(others.unsearched),
     )  # fmt: skip
     return every.select(_by_frequency(every.lam, u))
 

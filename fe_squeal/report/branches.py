@@ -187,8 +187,14 @@ def covered_text(covered: tuple[float, float | None]) -> str:
     --------
     >>> covered_text((0.0, 2009.1)), covered_text((0.0, None))
     ('below 2.01 kHz', 'at any frequency of the model')
+    >>> covered_text((12.0, 2009.1)), covered_text((12.0, None))
+    ('from 12 Hz to 2.01 kHz', 'above 12 Hz')
     """
-    return "at any frequency of the model" if covered[1] is None else f"below {frequency_text(covered[1])}"
+    low, high = covered
+    if low > 0:
+        above = frequency_text(low)
+        return f"above {above}" if high is None else f"from {above} to {frequency_text(high)}"
+    return "at any frequency of the model" if high is None else f"below {frequency_text(high)}"
 
 
 def numbers(frame: pd.DataFrame, column: str) -> Floats:

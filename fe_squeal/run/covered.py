@@ -23,16 +23,17 @@ class Seen(NamedTuple):
 def frequency_range(scene: Scene | MatrixScene, result: Sweep) -> tuple[float, float | None]:
     """Return the range, Hz, in which all modes are known at every value of a sweep.
 
-    If a number of modes is asked for, the range ends at the highest frequency that they reach at every value. If its
-    end is None, all modes of the problem are known.
+    It begins where strong dampers let direct solves see no farther down, else at 0. If a number of modes is asked for,
+    the range ends at the highest frequency that they reach at every value. If its end is None, all modes of the problem
+    above are known.
     """
-    asked = scene.solve.max_frequency
+    asked, begin = scene.solve.max_frequency, _begin(result)
     if asked is not None:
-        return 0.0, float(asked)
+        return begin, float(asked)
     wanted = scene.solve.modes or MODES
     if wanted >= result.problem.unknowns:
-        return 0.0, None
-    return 0.0, _reached(result)
+        return begin, None
+    return begin, _reached(result)
 
 
 def found_range(result: Sweep) -> tuple[float, float | None]:
@@ -42,7 +43,11 @@ def found_range(result: Sweep) -> tuple[float, float | None]:
     2n eigenvalues of n unknowns: real ones, and those with Im λ > 0, which have a conjugate.
     """
     numbers = [point.modes.eigenvalue_count for point in result.points]
-    return 0.0, None if min(numbers, default=0) >= 2 * result.problem.unknowns else _reached(result)
+    return _begin(result), None if min(numbers, default=0) >= 2 * result.problem.unknowns else _reached(result)
+
+
+def _begin(result: Sweep) -> float:
+    return float(max(point.modes.unsearched.low for point in result.points) / (2 * np.pi)) if result.points else 0.0
 
 
 def _reached(result: Sweep) -> float:

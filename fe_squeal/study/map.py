@@ -159,8 +159,8 @@ def stability_map(
 
     low, high = (np.array([getattr(a, end) for a in axes]) for end in ("low", "high"))
     solving = Solving(problem, names, low, high, draw, **options)
-    solver = solving.solver
     rows, _ = solving.places("grid", places)
+    solver = solving.solver
     told: list[str] = []
     small = _small_problem(problem, names, solver)
     if small is None:

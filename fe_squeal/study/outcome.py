@@ -11,7 +11,7 @@ from ..eigen.request import Request
 
 COLUMNS = (
     "unstable", "worst_re", "worst_frequency_hz", "worst_damping_ratio", "worst_re_uncertainty", "error", "direct",
-    "known_hz",
+    "known_hz", "unsearched",
 )  # fmt: skip
 MODE_COLUMNS = ("frequency_hz", "re", "re_uncertainty", "damping_ratio")
 
@@ -22,11 +22,12 @@ class Outcome:
 
     Attributes
     ----------
-    row : (8,) float
+    row : (9,) float
         The columns `COLUMNS`: 1 if a mode is unstable beyond the uncertainty of its growth rate, else 0; growth rate
         (1/s), frequency (Hz), damping ratio and uncertainty of the growth rate (1/s) of the mode that grows most (of
         several with equal growth the most uncertain one); the largest estimated |Δλ/λ| of a mode; 1 if the place was
-        solved directly, else 0; up to which frequency (Hz) all modes are known, infinite where they are all there are.
+        solved directly, else 0; up to which frequency (Hz) all modes are known, infinite where they are all there are;
+        1 if the solve has not looked for some modes, see `Modes.unsearched`, else 0.
     modes : (k, 4) float
         The columns `MODE_COLUMNS` of the k unstable modes.
     """
@@ -61,8 +62,9 @@ def outcome_of(modes: Modes, request: Request, error: float, direct: bool) -> Ou
     known = request.max_frequency_hz or np.inf
     if request.count is not None and request.count <= len(lam) and modes.eigenvalue_count < 2 * len(modes.right):
         known = float(modes.frequency_hz.max())
+    left_out = bool(modes.unsearched)
     if not len(lam):
-        return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, float(direct), known]), kept)
+        return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, direct, known, left_out], float), kept)
     worst = max(range(len(lam)), key=lambda i: (lam.real[i], u[i]))
-    row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst], error, direct, known]
-    return Outcome(np.array(row, float), kept)
+    row = [grows.any(), lam.real[worst], modes.frequency_hz[worst], ratio[worst], u[worst]]
+    return Outcome(np.array([*row, error, direct, known, left_out], float), kept)

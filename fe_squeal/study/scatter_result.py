@@ -78,7 +78,7 @@ class ScatterResult:
         for i, name in enumerate(self.names):
             frame.insert(1 + i, name, self.points[:, i])
         frame["unstable"] = frame["unstable"].astype(int)
-        del frame["known_hz"]
+        frame = frame.drop(columns=["known_hz", "unsearched"])
         frame["method"] = np.where(frame.pop("direct") > 0, "direct", "reduced")
         frame["worst_re_uncertainty"] = frame.pop("worst_re_uncertainty")  # becomes the last column
         frame["unstable_modes"] = np.bincount(self.modes[:, 0].astype(int), minlength=len(frame))

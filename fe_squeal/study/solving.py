@@ -18,12 +18,14 @@ from ..scene.numbers import with_numbers
 from ..sweep.sweep import MODES
 from .engine import Parts, solve_places
 from .models import make_solver
+from .outcome import COLUMNS
 from .pools import Processes
 
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
 
 _LOSSES = "loss factors say nothing of what grows without swinging or as fast as it swings, which counts as stable"
+_UNSEARCHED = "at some places not all kinds of modes were looked for everywhere, and an unstable one may be missing"
 METHODS = ("auto", "direct", "reduced")
 TRAINED = 200  # points for which a reduced model is made, and at which it is checked
 
@@ -122,7 +124,7 @@ class Solving:
     request : Request
         Which modes are asked for, and to what tolerance.
     solver : Solver
-        How the places are solved.
+        How the places are solved; `why` also tells, once they are, if not all modes were looked for.
     """
 
     def __init__(
@@ -161,6 +163,8 @@ class Solving:
         rows, modes = solve_places(
             self.solver, places[first[order]], self._processes, kept, lambda *numbers: self._progress(stage, *numbers)
         )
+        if rows[:, COLUMNS.index("unsearched")].any() and _UNSEARCHED not in self.solver.why:
+            self.solver = replace(self.solver, why=f"{self.solver.why}; {_UNSEARCHED}: a sweep there tells more")
         return rows[which], _repeated(modes, which)
 
     def tell(self, stage: str, done: int, total: int) -> None:

@@ -83,7 +83,7 @@ class RunningSweep:
             tuple(self.points), tuple(self.onsets), tuple(self.told.warnings), self.completeness,
             dict(self._clock.seconds), self._first, self._previous, self._first_branches, self._branches,
             self._next_branch, self._start, self._value, self._solver.model is not None, self.window,
-            tuple(self.told.unsettled), self.told.doubt, self.told.beyond,
+            tuple(self.told.unsettled), self.told.doubt, self.told.beyond, self.told.unsearched,
         )  # fmt: skip
 
     def restore(self, state: SweepState) -> None:
@@ -92,7 +92,7 @@ class RunningSweep:
         self.points = [point if V is None else lifted(point, V) for point in state.points]
         self.onsets, self.completeness = list(state.onsets), state.completeness
         self.told = self._solver.told = Told(
-            self.parameter, state.warnings, state.unsettled, state.doubt, state.beyond
+            self.parameter, state.warnings, state.unsettled, state.doubt, state.beyond, state.unsearched
         )
         self._clock.seconds = dict(state.seconds)
         self._first, self._previous = state.first, state.previous
@@ -121,6 +121,8 @@ class RunningSweep:
             self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
         if rate := self._solver.growth_beyond(value, modes):
             self.told.beyond_losses(value, rate)
+        if modes.unsearched:
+            self.told.not_searched(value, modes.unsearched)
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
         """Return the point in the middle of a window of instability between two values of the sweep."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..eigen.columns import Columns
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness
+from ..eigen.unsearched import Unsearched
 from ..problem.problem import Problem
 from .doubts import Doubt
 from .onset import Onset
@@ -65,7 +66,7 @@ class SweepState:
         The first value, and the last one solved.
     reduced : bool
         Whether the modes are those of a reduced model.
-    doubt, beyond
+    doubt, beyond, unsearched
         What the next step may widen of what was told, see `Told`.
     """
 
@@ -86,6 +87,7 @@ class SweepState:
     unsettled: tuple[str, ...]
     doubt: Doubt | None = None
     beyond: tuple[float, float, float] | None = None
+    unsearched: tuple[float, float, Unsearched] | None = None
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
@@ -111,7 +113,7 @@ def record_of_point(point: SweepPoint) -> Record:
         {
             "value": point.value, "method": point.modes.method, "sensitivities": moves, "pressed": pressed,
             "above": [[lam.real, lam.imag] for lam in point.above], "between": point.between,
-            "exhaustive": point.modes.exhaustive,
+            "exhaustive": point.modes.exhaustive, "unsearched": asdict(point.modes.unsearched),
             "description": {name: list(entries) for name, entries in point.description.items()},
         },
     )  # fmt: skip
@@ -122,7 +124,7 @@ def point_of_record(record: Record) -> SweepPoint:
     arrays, data = record
     modes = Modes(
         arrays["lam"], np.zeros((0, len(arrays["lam"]))), None, arrays["backward_error"], arrays["re_uncertainty"],
-        arrays["condition"], data["method"], data["exhaustive"],
+        arrays["condition"], data["method"], data["exhaustive"], unsearched=_unsearched(data["unsearched"]),
     )  # fmt: skip
     shapes = {int(name.removeprefix("shape_")): u for name, u in arrays.items() if name.startswith("shape_")}
     moves = {
@@ -139,7 +141,7 @@ def point_of_record(record: Record) -> SweepPoint:
 def record_of_modes(modes: Modes) -> Record:
     """Return modes with their shapes as a record."""
     names = [*_NUMBERS, *(v for v in _VECTORS if getattr(modes, v) is not None)]
-    data = {"method": modes.method, "exhaustive": modes.exhaustive}
+    data = {"method": modes.method, "exhaustive": modes.exhaustive, "unsearched": asdict(modes.unsearched)}
     return Record({name: getattr(modes, name) for name in names}, data)
 
 
@@ -148,7 +150,7 @@ def modes_of_record(record: Record) -> Modes:
     a = record.arrays
     return Modes(
         a["lam"], a["right"], a.get("left"), a["backward_error"], a["re_uncertainty"], a["condition"],
-        record.data["method"], record.data["exhaustive"],
+        record.data["method"], record.data["exhaustive"], unsearched=_unsearched(record.data["unsearched"]),
     )  # fmt: skip
 
 
@@ -162,6 +164,7 @@ def record_of_state(state: SweepState) -> Record:
         "start": state.start, "value": state.value, "reduced": state.reduced,
         "window": state.window, "unsettled": list(state.unsettled),
         "doubt": None if state.doubt is None else asdict(state.doubt), "beyond": state.beyond,
+        "told_unsearched": None if state.unsearched is None else [*state.unsearched[:2], asdict(state.unsearched[2])],
     }  # fmt: skip
     branches = {"branches": state.branches, "first_branches": state.first_branches}
     return Record(modes.arrays | branches, modes.data | data)
@@ -176,7 +179,12 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
         a["branches"], data["next_branch"], data["start"], data["value"], data["reduced"], data["window"],
         tuple(data["unsettled"]), None if data["doubt"] is None else Doubt(**data["doubt"]),
         None if data["beyond"] is None else tuple(data["beyond"]),
+        None if (told := data["told_unsearched"]) is None else (told[0], told[1], _unsearched(told[2])),
     )  # fmt: skip
+
+
+def _unsearched(data: Mapping[str, Any]) -> Unsearched:
+    return Unsearched(tuple(data["kinds"]), data["low"], data["rate"])
 
 
 def lifted(point: SweepPoint, V: Columns) -> SweepPoint:

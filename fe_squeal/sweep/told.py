@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..eigen.unsearched import Unsearched
 from .doubts import Doubt, joined
 from .onset import Onset
 
@@ -24,15 +25,17 @@ class Told:
         The last one that there is a warning about; what comes may widen it.
     beyond : tuple of float, or None
         First and last value, and the rate, that `beyond_losses` has told.
+    unsearched : tuple, or None
+        First and last value, and what was not looked for, that `not_searched` has told.
     """
 
     def __init__(
         self, parameter: str, warnings: Iterable[str] = (), unsettled: Iterable[str] = (), doubt: Doubt | None = None,
-        beyond: tuple[float, float, float] | None = None,
+        beyond: tuple[float, float, float] | None = None, unsearched: tuple[float, float, Unsearched] | None = None,
     ) -> None:  # fmt: skip
         self._parameter = parameter
         self.warnings, self.unsettled = list(warnings), list(unsettled)
-        self.doubt, self.beyond = doubt, beyond
+        self.doubt, self.beyond, self.unsearched = doubt, beyond, unsearched
 
     def add(self, *sentences: str) -> None:
         """Add warnings that are not about onsets."""
@@ -72,8 +75,7 @@ class Told:
     def beyond_losses(self, value: float, rate: float) -> None:
         """Add a warning that something grows at a value of which loss factors say nothing; of several values one."""
         if self.beyond is not None:
-            for told in (self.warnings, self.unsettled):
-                told.remove(self._beyond_text())
+            self._withdraw(self._beyond_text())
         first, _, before = self.beyond or (value, value, rate)
         self.beyond = first, value, max(before, rate)
         self.of_onsets(self._beyond_text())
@@ -81,12 +83,31 @@ class Told:
     def _beyond_text(self) -> str:
         assert self.beyond is not None
         first, last, rate = self.beyond
-        where = f"{first:g}" if first == last else f"{first:g} to {last:g}"
         return (
-            f"at {self._parameter} = {where} a motion grows without swinging, or as fast as it swings (by up to"
-            f" {rate:.3g} 1/s): loss factors say nothing of it, it counts as marginal and has no onset; solve without"
-            " them to see it"
+            f"at {self._parameter} = {_span(first, last)} a motion grows without swinging, or as fast as it swings (by"
+            f" up to {rate:.3g} 1/s): loss factors say nothing of it, it counts as marginal and has no onset; solve"
+            " without them to see it"
         )
+
+    def not_searched(self, value: float, unsearched: Unsearched) -> None:
+        """Add a warning of what a solve at a value has not looked for; of several values one."""
+        if self.unsearched is not None:
+            self._withdraw(self._unsearched_text())
+        first, _, before = self.unsearched or (value, value, unsearched)
+        self.unsearched = first, value, before.joined(unsearched)
+        self.of_onsets(self._unsearched_text())
+
+    def _unsearched_text(self) -> str:
+        assert self.unsearched is not None
+        first, last, unsearched = self.unsearched
+        return (
+            f"at {self._parameter} = {_span(first, last)} {unsearched} were not looked for everywhere, and an unstable"
+            " one may be missing"
+        )
+
+    def _withdraw(self, sentence: str) -> None:
+        for told in (self.warnings, self.unsettled):
+            told.remove(sentence)
 
     def doubts(self, doubts: list[Doubt]) -> None:
         """Add a warning for each interval in which rounding hides onsets.
@@ -96,8 +117,7 @@ class Told:
         for doubt in joined(doubts):
             if self.doubt is not None and (both := self.doubt.joined(doubt)) is not None:
                 old, doubt = self.doubt.sentence(self._parameter), both
-                for told in (self.warnings, self.unsettled):
-                    told.remove(old)
+                self._withdraw(old)
             self.doubt = doubt
             self.of_onsets(doubt.sentence(self._parameter))
 
@@ -108,3 +128,7 @@ class Told:
             low, high = onset.value - onset.uncertainty, onset.value + onset.uncertainty
             self.doubts([Doubt(max(low, start), min(high, end), onset.frequency_hz)])
         return [o for o in onsets if o not in vague]
+
+
+def _span(first: float, last: float) -> str:
+    return f"{first:g}" if first == last else f"{first:g} to {last:g}"

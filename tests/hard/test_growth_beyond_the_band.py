@@ -199,7 +199,7 @@ def test_flutter_between_the_last_mode_and_the_end_of_the_range(limit):
 def test_growth_that_is_not_looked_for_is_told():
     pencil = chain(np.diag([-1e14, 9.0]), 1e-3 * np.eye(2))
     modes = solve_modes(pencil, REQUESTS[0])
-    assert not len(growing(modes)) and "without a search for real eigenvalues" in modes.method
+    assert not len(growing(modes)) and modes.unsearched.rate < 1e6
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

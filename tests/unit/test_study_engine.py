@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from chains import rising_oscillators, stiffening_chain
 from selection import some
 
+from fe_squeal import scatter
+from fe_squeal.eigen.pencil import Modes
 from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.eigen.unsearched import Unsearched
 from fe_squeal.errors import NotConvergedError, SceneError
-from fe_squeal.study import engine
+from fe_squeal.study import engine, models
 from fe_squeal.study.models import DirectModel, Solver, make_solver
 from fe_squeal.study.outcome import Outcome
 from fe_squeal.study.pools import Here, Processes, pool_of
@@ -26,7 +31,7 @@ PLACES = np.arange(80.0)[:, None]  # two chunks of 32 and one of 16
 
 def answer(place: np.ndarray, direct: bool) -> Outcome:
     """Return an outcome that names its place, and the process that found it."""
-    row = np.array([0.0, float(place[0]), 0.0, 0.0, 0.0, os.getpid(), direct, np.inf])
+    row = np.array([0.0, float(place[0]), 0.0, 0.0, 0.0, os.getpid(), direct, np.inf, 0.0])
     return Outcome(row, np.full((int(place[0]) % 3, 4), float(place[0])))
 
 
@@ -260,3 +265,20 @@ def test_the_method_that_is_asked_for_is_taken() -> None:
     assert one.modes[:, 0] == pytest.approx(other.modes[:, 0], rel=1e-6)
     with pytest.raises(SceneError, match='method: given "modal"'):
         Solving(problem, ("p", "q"), low, high, lambda i: np.zeros((0, 2)), method="modal")
+
+
+def test_modes_that_direct_solves_have_not_looked_for_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are not at every place; the answer of the study says it once."""
+    box = {"mu": {"uniform": {"low": 0.0, "high": 0.4}}}
+    whole = scatter(two_modes(), box, samples=16, indices=False)
+    calls = []
+
+    def incomplete(*given: Any, **more: Any) -> Modes:
+        calls.append(given)
+        modes = solve_modes(*given, **more)
+        return replace(modes, unsearched=Unsearched(low=1.0)) if len(calls) % 3 == 0 else modes
+
+    monkeypatch.setattr(models, "solve_modes", incomplete)
+    study = scatter(two_modes(), box, samples=16, indices=False)
+    assert study.solver.why.count("not all kinds of modes were looked for") == 1
+    assert "looked for" not in whole.solver.why and study.samples.equals(whole.samples)

@@ -13,6 +13,8 @@ from rich.console import Console
 
 import fe_squeal
 from fe_squeal.cli import main
+from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.eigen.unsearched import Unsearched
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.report import figures
@@ -20,6 +22,15 @@ from fe_squeal.report.warnings import told_once
 from fe_squeal.run.covered import frequency_range, unstable_above
 from fe_squeal.run.run import report_sweep
 from fe_squeal.scene.file import load_scene
+from fe_squeal.sweep import solving
+from fe_squeal.sweep.state import (
+    modes_of_record,
+    point_of_record,
+    record_of_modes,
+    record_of_point,
+    record_of_state,
+    state_of_record,
+)
 from tests.scene_texts import write_scene
 
 
@@ -120,3 +131,39 @@ def test_figures_and_record_tell_the_range(tmp_path, monkeypatch):
     for figure in kept[:2]:
         legend = figure.axes[0].get_legend()
         assert any(t.get_text().startswith("all modes below ") for t in legend.get_texts())
+
+
+def test_what_was_not_looked_for_is_told_with_its_values_and_the_range_begins_above(block, monkeypatch):
+    """Also of values after the first one, in one sentence, and by a sweep that is interrupted and goes on."""
+    scene, _ = block
+    calls, states = [], []
+
+    def incomplete(*given):
+        calls.append(given)
+        left_out = Unsearched(("modes",), low=2 * np.pi * len(calls), rate=900.0 / len(calls))
+        return replace(solve_modes(*given), unsearched=left_out if len(calls) > 1 else Unsearched())
+
+    class Kept:
+        load_model = save_model = flush = staticmethod(lambda *_: None)
+        load = staticmethod(lambda: states[-1] if states else None)
+
+        @staticmethod
+        def save(state):
+            first = modes_of_record(record_of_modes(state.first))
+            points = tuple(point_of_record(record_of_point(point)) for point in state.points)
+            states.append(state_of_record(record_of_state(state), first, points))
+            if len(points) == 3:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(solving, "solve_modes", incomplete)
+    solve = {"modes": 4, "method": "direct", "store": Kept()}
+    with pytest.raises(KeyboardInterrupt):
+        fe_squeal.sweep(pair_above_others(), [0.0, 0.01, 0.02, 0.03], **solve)
+    result = fe_squeal.sweep(pair_above_others(), [0.0, 0.01, 0.02, 0.03], **solve)
+    left_out = "modes, and real eigenvalues that grow faster than 225 1/s, and modes below 4 Hz"
+    assert result.unsettled == (
+        f"at mu = 0.01 to 0.03 {left_out} were not looked for everywhere, and an unstable one may be missing",
+    )
+    assert result.warnings.count(result.unsettled[0]) == 1 and not result.onsets_complete["sure"]
+    assert frequency_range(scene, result)[0] == pytest.approx(4.0)
+    assert len(calls) == 4
