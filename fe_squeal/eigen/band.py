@@ -162,7 +162,7 @@ def with_far_growth(
         return modes
     lam, right, left = known.lam[far], known.right[:, far], known.left[:, far]
     if pencil.C is not None:
-        return together(modes, modes_from_lambda(pencil, lam, right, left, known.method))
+        return together(modes, modes_from_lambda(pencil, lam, right, left, known.method, known=modes.lam))
     theta = -(lam**2)
     if not pencil.is_complex:
         theta, columns, mirrored = _paired(lam, eigenvalue_errors(damped, lam, right, left))

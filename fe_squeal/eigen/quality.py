@@ -21,6 +21,7 @@ __all__ = ["ROUNDING", "backward_errors", "in_upper_half", "modes_from_lambda", 
 
 _ONE_FREQUENCY = 1e-9  # of a frequency: modes whose frequencies are closer than this are put in order by growth rate
 _ENOUGH = 0.5  # of |Im λ|: what losses change less does not swing by them alone
+_MIRRORED = 4  # times what losses change of it: so near to λ* is the other one of a pair
 
 
 def modes_from_theta(
@@ -74,12 +75,13 @@ def modes_from_theta(
 
 
 def modes_from_lambda(
-    pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str, second_order: bool = False
+    pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray, method: str, second_order: bool = False,
+    known: np.ndarray | None = None,
 ) -> Modes:  # fmt: skip
     """Return the modes of a pencil with C from its eigenpairs that are `in_upper_half`.
 
     Of those that `grow_below` the axis only the largest Re λ is kept, as `Modes.beyond`, where losses alone let them
-    swing.
+    swing, or no mode above the axis is their partner. What is real but for its uncertainty is not below it.
 
     Parameters
     ----------
@@ -88,6 +90,8 @@ def modes_from_lambda(
         Left vectors in the order of the right ones, any basis where eigenvalues are multiple.
     second_order : bool
         As of `modes_from_theta`.
+    known : (m,) complex, rad/s, optional
+        Modes of the pencil that are known besides, which may be partners.
     """
     lam, right, left = separated(pencil, lam, unit_mass(pencil, right), left)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
@@ -111,9 +115,12 @@ def modes_from_lambda(
     rigid = np.abs(lam) <= rounding
     lam, u = np.where(rigid, 0.0, lam), np.where(rigid, rounding, u)
     if pencil.is_complex:
-        lam = np.where(_is_real(lam, pencil.n), lam.real, lam)
+        # Losses that hardly touch a real λ leave an imaginary part of rounding, of either sign.
+        lam = np.where(_is_real(lam, pencil.n) | ((np.abs(lam.imag) <= u) & (np.abs(lam.real) > u)), lam.real, lam)
         u = _outside_the_law(pencil, lam, right, left, u, np.ones(len(lam)))
-    order, below = _by_frequency(lam, u), grow_below(pencil, lam) & (u >= np.abs(lam))
+    order, below = _by_frequency(lam, u), grow_below(pencil, lam)
+    upper = np.append(lam[lam.imag > 0], [] if known is None else known)
+    below &= (u >= np.abs(lam)) | (np.abs(upper - lam.conj()[:, None]) > _MIRRORED * u[:, None]).all(axis=1)
     if pencil.is_complex:
         order = order[lam[order].imag >= 0]
     condition, beyond = _over(amplification, np.abs(lam)), float(lam.real[below].max(initial=0.0))

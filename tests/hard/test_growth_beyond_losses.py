@@ -9,6 +9,8 @@ import pytest
 import scipy.sparse as sp
 
 import fe_squeal
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.quality import modes_from_lambda
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 
@@ -105,3 +107,36 @@ def test_what_the_law_makes_of_strong_flutter_below_the_axis_is_not_told(damping
     fast = modes.lam.real > modes.lam.imag
     assert (modes.lam.real > 1.2).any() and fast[modes.stability == "unstable"].all()
     assert not any("loss factors" in w for w in result.warnings)
+
+
+def test_slow_growth_that_losses_do_not_touch_is_listed_and_told():
+    """Ten free pairs, each of the two masses with a negative damper, λ ≈ g: rounding puts some below the axis."""
+    n, rates = 850, np.linspace(1e-4, 1e-3, 10)
+    links = sp.diags_array(np.ones(29), offsets=1, shape=(30, 30))
+    elastic = sp.block_diag([sp.diags_array(np.linspace(50.0, 100.0, n - 50)), 2 * sp.eye_array(30) - links - links.T])
+    pair, lossless = np.array([[1.0, -1.0], [-1.0, 1.0]]), sp.csr_array((20, 20))
+    damper = sp.block_diag([0.01 * sp.eye_array(n - 20), *[np.diag([-2 * g, 0.0]) for g in rates]])
+    problem = Problem((
+        Term("mass", "M", sp.eye_array(n, format="csr"), True),
+        Term("elastic", "K", sp.csr_array(sp.block_diag([elastic, *[pair] * 10])), True),
+        Term("loss", "K", sp.csr_array(sp.block_diag([0.05 * elastic, lossless])), True, imaginary=True),
+        Term("damper", "C", sp.csr_array(damper), True, {"p": 1}),
+    ), {"p": 1.0})  # fmt: skip
+    result = swings_below_1(problem)
+    modes = result.points[0].modes
+    found = modes.lam.real > 1e-5
+    np.testing.assert_allclose(np.sort(modes.lam[found]), rates, rtol=1e-5)
+    assert (modes.stability[found] == "marginal").all() and any("loss factors" in w for w in result.unsettled)
+
+
+def test_fast_flutter_below_the_axis_is_told_unless_its_partner_is_found():
+    """λ = ±0.70 ± 0.21j but for losses and dampers that change little of it."""
+    K, C, one, none = strong(0.01).pencil().K.toarray(), 0.01 * np.eye(2), np.eye(2), np.zeros((2, 2))
+    pencil = Pencil(*(sp.csr_array(A) for A in (one, K, C)))
+    values, states = np.linalg.eig(np.block([[none, one], [-K, -C]]))
+    adjoint, left = np.linalg.eig(np.block([[none, one], [-K.conj().T, -C]]))
+    left = left[:, [np.abs(adjoint - v.conj()).argmin() for v in values]]
+    grows = values.real > 0
+    for chosen, rate in ((grows, 0.0), (grows & (values.imag < 0), values.real[grows & (values.imag < 0)][0])):
+        modes = modes_from_lambda(pencil, values[chosen], states[:2, chosen], left[:2, chosen], "")
+        assert modes.beyond == pytest.approx(rate) and len(modes) == (rate == 0)
