@@ -151,6 +151,8 @@ def with_far_growth(
     known = KnownBand(damped, free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method)
     if not whole and not known.add_beside(limit):
         known.add_aslant(limit)
+    if pencil.is_complex and pencil.C is not None:
+        known.add_end(limit)
     known.add_far(limit)
     assert known.right is not None and known.left is not None
     far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))

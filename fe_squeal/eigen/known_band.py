@@ -49,6 +49,9 @@ _ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
 _FAR = 8.0  # of a rate: growth up to here is looked for around one shift
 _FARTHER = 5  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
+# Of a frequency: where the ray of damping ratio `LIGHT` leaves the circle around `BEHIND`, or around a shift a little
+# larger, through i; and the shift and the radius of a disc with all that lies between this ray, the circle and i.
+_LEAVES, _END, _END_RADIUS = 0.86, -0.1 + 0.95j, 0.12
 _NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
 
 
@@ -82,6 +85,7 @@ class KnownBand:
     method: str = ""
     unsearched: Unsearched = ALL_SEARCHED
     _modes: Modes | None = None
+    _lit: list[tuple[float, float]] = field(default_factory=list)  # rad/s: where all modes up to `LIGHT` are known
     _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
 
     def __post_init__(self) -> None:
@@ -129,6 +133,7 @@ class KnownBand:
             omega = _OVERLAP * b / _on_ray(1.0, _TOUCHING, _TILT)[1]
             radius = _TOUCHING * omega
         sigma, known = self._disc(1j * omega, radius, expected)
+        self._lit.append(_on_ray(abs(sigma), known, LIGHT))
         near = self.lam[np.abs(self.lam - sigma) <= known]
         whole = _on_ray(abs(sigma), known, light_tilt(near))
         if whole[0] < whole[1]:
@@ -144,6 +149,7 @@ class KnownBand:
         Where these are many, smaller discs look near zero and for what grows.
         """
         if self.add_beside(top):
+            self.add_end(top)
             self.add_far(top)
             return
         self.crowded = True
@@ -151,6 +157,17 @@ class KnownBand:
         self.add_aslant(top)
         if self.add_growing(_FAR * top, _SLOWEST * top):
             self.add_far(_FAR * top, searched=True)
+
+    def add_end(self, top: float) -> None:
+        """Add modes of damping ratios up to `LIGHT` just below a frequency, rad/s, where `add_beside` does not reach.
+
+        Discs that cover many modes are narrow, and reach as far from the axis as the modes found there do.
+        """
+        if any(low <= _LEAVES * top and top <= high for low, high in self._lit):
+            return
+        _, known = self._disc(_END * top, _END_RADIUS * top, None)
+        if known < _END_RADIUS * top * (1 - _CLEAR):
+            self._leave_out(TILTED)
 
     def add_aslant(self, top: float) -> None:
         """Add flutter that grows too fast for the discs on the imaginary axis.

@@ -189,6 +189,19 @@ def test_modes_just_above_the_band_do_not_stand_for_slow_ones_in_it():
     np.testing.assert_allclose(modes.lam.imag, omega[:6] * np.sqrt(1 - 1e-4), rtol=1e-10)
 
 
+@pytest.mark.parametrize("eta", [0.0, 1e-6])
+def test_a_mode_damped_more_than_all_others_just_below_the_end_of_the_range(eta):
+    """λ = −0.19 ± 0.995i beside many modes next to the axis, without and with loss factors."""
+    omega, c = np.append(np.linspace(0.05, 1.6, 100), np.linspace(5.0, 50.0, N - 100)), np.full(N, 0.002)
+    omega[7], c[7] = np.hypot(0.19, 0.995), 0.38
+    pencil = mixed(np.ones(N), c, omega**2)
+    if eta:
+        pencil = Pencil(pencil.M, sp.csr_array(pencil.K * (1 + 1j * eta)), pencil.C, symmetric=True)
+    modes = solve_modes(pencil, Request(max_frequency_hz=1 / (2 * np.pi)))
+    assert np.abs(modes.lam - (-0.19 + 0.995j)).min() < 1e-6
+    assert len(modes) == np.count_nonzero(omega**2 - c**2 / 4 < 1)
+
+
 @pytest.mark.parametrize("limit", some([1e3, 1e5, 1e8], lambda limit: limit == 1e5))
 def test_a_highest_frequency_far_above_all_modes(limit):
     """All lie within the part of the band at zero that discs leave out, where overdamped modes usually crowd."""
