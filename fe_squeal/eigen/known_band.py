@@ -28,7 +28,7 @@ from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, TILTED, Unsearched
 
 _FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
 _MOST = 2.5  # times the eigenvalues expected: as many are looked for in a disc, in addition to _FULL
-_DISCS = 60  # largest number of discs
+_DISCS = 60  # largest number of discs in addition to twice those that a range is planned with
 _RESTARTS = 12  # largest number of restarts of a Krylov space
 _CLEAR, _MOVE, _MOVES = 1e-4, 1.03, 3  # a shift relatively closer to an eigenvalue is multiplied, at most thrice
 _TILT = 0.15  # |Re λ| / Im λ up to which a disc reaches as far as it is meant to
@@ -85,6 +85,7 @@ class KnownBand:
     method: str = ""
     unsearched: Unsearched = ALL_SEARCHED
     _modes: Modes | None = None
+    _planned: int = 0  # discs that ranges so far were divided into
     _lit: list[tuple[float, float]] = field(default_factory=list)  # rad/s: where all modes up to `LIGHT` are known
     _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
 
@@ -101,11 +102,12 @@ class KnownBand:
             If too many discs do not cover the range; `partial` has the modes found.
         """
         number = int(np.ceil(expected / _FULL))
+        self._planned += number
         edges = np.linspace(start, end, number + 1)
         todo = [(a, b, expected / number) for a, b in itertools.pairwise(edges)][::-1]
         while todo:
             a, b, share = todo.pop()
-            if self.discs >= _DISCS:
+            if self.discs >= _DISCS + 2 * self._planned:
                 raise NotConvergedError(f"{len(self.lam)} modes found, the range is still not covered", self.modes())
             known = len(self.lam)
             low, high = self._around(a, b, share)

@@ -7,10 +7,11 @@ import pytest
 import scipy.sparse as sp
 from selection import crossed, some
 
-from fe_squeal.eigen import band
+from fe_squeal.eigen import band, known_band
 from fe_squeal.eigen.band import band_modes, count_beside
 from fe_squeal.eigen.free_modes import split_off
 from fe_squeal.eigen.inertia import count_below
+from fe_squeal.eigen.known_band import KnownBand
 from fe_squeal.eigen.multiple import rounding_of_zero
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
@@ -187,6 +188,14 @@ def test_modes_just_above_the_band_do_not_stand_for_slow_ones_in_it():
     omega = np.concatenate([slow, above, np.linspace(3.0, 50.0, N - 12)])
     modes = solve_modes(mixed(np.ones(N), 0.02 * omega, omega**2), Request(max_frequency_hz=1 / (2 * np.pi)))
     np.testing.assert_allclose(modes.lam.imag, omega[:6] * np.sqrt(1 - 1e-4), rtol=1e-10)
+
+
+def test_a_range_of_many_modes_has_as_many_discs_as_it_needs(monkeypatch):
+    """With a limit of 3 beside those that are planned, a range that is divided into 5 is covered."""
+    monkeypatch.setattr(known_band, "_DISCS", 3)
+    known = KnownBand(mixed(np.ones(N), np.full(N, 0.002), np.linspace(0.05, 6.0, N) ** 2), None, "auto")
+    known.cover(0.0, 2.0, 164)
+    assert known.discs > 3 and np.count_nonzero((known.lam.imag > 0) & (known.lam.imag <= 2.0)) >= 160
 
 
 @pytest.mark.parametrize("eta", [0.0, 1e-6])
