@@ -57,8 +57,11 @@ def modes_from_theta(
     # A rigid mode: θ is zero within what rounding leaves.
     rigid = np.abs(theta) <= u_theta
     lam = np.where(rigid, 0.0, lam)
-    # |√(θ+δ) − √θ| is at most δ/2√θ to first order, and at most √δ always.
-    u_re = np.minimum(_over(u_theta, 2 * np.abs(lam)), np.sqrt(u_theta))
+    # |√(θ+δ) − √θ| is at most δ/2√θ to first order, and at most √δ always. A real λ moves by up to this for θ < 0.
+    nearest = np.sqrt(np.maximum(np.abs(theta) - u_theta, 0.0))
+    diverges = (theta.imag == 0) & (theta.real < 0)
+    u_re = np.where(diverges, _over(u_theta, np.abs(lam) + nearest), _over(u_theta, 2 * np.abs(lam)))
+    u_re = np.minimum(u_re, np.sqrt(u_theta))
     condition = _over(amplification, 2 * np.abs(theta))
     if pencil.is_complex:
         divergent = np.zeros(0, dtype=int)

@@ -38,3 +38,11 @@ def test_with_damping_growth_decides_as_well(rounding):
     vectors = np.eye(2, dtype=complex)
     modes = modes_from_lambda(pencil, lam, vectors, vectors, "given")
     np.testing.assert_allclose(modes.lam.real, [-0.1, -0.2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.1, 0.45, 0.9])
+def test_the_uncertainty_of_a_divergence_reaches_the_exact_one(off):
+    """θ = −1 is given where it is −1 + off: of a θ that nears zero λ = √−θ moves by more than its slope at −1 says."""
+    pencil = Pencil(sp.csr_array(np.eye(1)), sp.csr_array([[off - 1.0]]), symmetric=True)
+    modes = modes_from_theta(pencil, np.array([-1.0]), np.eye(1), np.eye(1), "given")
+    np.testing.assert_allclose(modes.re_uncertainty, 1 - np.sqrt(1 - off), rtol=1e-9)
