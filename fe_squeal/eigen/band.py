@@ -24,6 +24,7 @@ _BEYOND = 1e-4  # of a highest frequency: so far beyond it modes are looked for,
 _BARREN, _FAR = 6, 1e3
 # Times the error of an eigenvalue, and part of it: so small a Re λ is rounding, and eigenvalues so near are one.
 _BLUR, _ROUNDING = 4, 1e-12
+_SAME = 1e-7  # of |λ|: eigenvalues that are closer are copies of one
 _EMPTY = 0.1  # of a band: its lower part, to which its modes are looked for where the rest has none
 _AT_ZERO = 1e-8  # of a band: the square root of the rounding of its λ², below which a frequency may be zero
 _WIDE = 3.0  # times the highest frequency found: up to there one disc looks for what grows up to the end of the range
@@ -156,8 +157,8 @@ def with_far_growth(
     known.add_far(limit)
     assert known.right is not None and known.left is not None
     far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))
-    # Copies of multiple eigenvalues that one start vector has not shown are among them, whether they grow or not.
-    far = far[is_light(known.lam[far]) | grow_below(pencil, known.lam[far])]
+    # Copies of multiple eigenvalues that one start vector has not shown are among them, however they grow or decay.
+    far = far[is_light(known.lam[far]) | grow_below(pencil, known.lam[far]) | _are_copies(known.lam[far], modes.lam)]
     far = far[~_known_zeros(damped, modes, free, known.lam[far], known.right[:, far])]
     modes = replace(modes, unsearched=modes.unsearched.joined(known.unsearched))
     if not len(far):
@@ -172,7 +173,13 @@ def with_far_growth(
     found = modes_from_theta(pencil, theta, right, left, known.method)
     # What grows below the axis stands for a θ whose mode decays: beside flutter it is but the other one of a pair.
     unsure = found.re_uncertainty >= np.abs(found.lam)
-    return together(modes, found.select(np.flatnonzero(is_light(found.lam) | unsure | (not pencil.is_complex))))
+    kept = is_light(found.lam) | unsure | _are_copies(found.lam, modes.lam)
+    return together(modes, found.select(np.flatnonzero(kept | (not pencil.is_complex))))
+
+
+def _are_copies(lam: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return (k,) bool, which λ (k,) that swing are equal to some of those known, (m,)."""
+    return np.asarray((lam.imag > 0) & (np.abs(lam[:, None] - known) <= _SAME * np.abs(lam)[:, None]).any(axis=1))
 
 
 def _known_zeros(
