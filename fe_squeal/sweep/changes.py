@@ -33,6 +33,8 @@ class Change:
         Right vectors of all m modes of the group at both ends of the group's interval.
     at_start : bool
         Whether the change may be at the first value of the step itself: two modes of equal frequency may couple there.
+    copies : int
+        How many eigenvalues equal to v change in the same way at once, as those of equal parts do; a change for each.
     """
 
     kind: str
@@ -45,6 +47,7 @@ class Change:
     left: np.ndarray
     group: np.ndarray
     at_start: bool = False
+    copies: int = 1
 
 
 class Asked(Exception):

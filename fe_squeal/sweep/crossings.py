@@ -72,7 +72,8 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
             there = int(k + 1 if up[k + 1] else k)
             if not samples.theta and _is_mirror_image(samples, unstable, int(k), there, b):
                 continue
-            found.append((int(k), b, samples.made("crossing", gains, int(k), there, b, limits)))
+            alike = np.flatnonzero((unstable[k] == up[k]) & (unstable[k + 1] == up[k + 1]))
+            found.append((int(k), b, samples.made("crossing", gains, int(k), there, b, limits, alike)))
     crossed = np.zeros(len(t) - 1, int)
     for at_sample, _, change in found:
         crossed[at_sample] += change.gains
@@ -182,8 +183,9 @@ def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.nda
         limits = (float(before), float(samples.t[jumps[n + 1]]) if n + 1 < len(jumps) else 1.0)
         there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # the sample at which they are a pair
         upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
-        for i in upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]:
-            found.append(samples.made("parting", int(np.sign(gains)), int(k), there, int(i), limits))
+        parted = upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]
+        each = int(np.sign(gains))
+        found += [samples.made("parting", each, int(k), there, int(i), limits, parted) for i in parted]
     return found
 
 

@@ -109,7 +109,7 @@ def _change(samples: Samples, k: int, pairs: int, negative: int, limits: tuple[f
     each = int(np.sign(gains)) if gains else 0
     if pairs and negative:  # a pair becomes two negative θ, or the reverse
         each = gains
-    return [samples.made(kind, each, k, there, int(i), limits) for i in chosen]
+    return [samples.made(kind, each, k, there, int(i), limits, chosen) for i in chosen]
 
 
 def _require_settled_pairs(samples: Samples, error: np.ndarray) -> float:

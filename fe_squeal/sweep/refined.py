@@ -92,17 +92,23 @@ class Refiner:
     def _is_doublet(self, change: Change) -> bool:
         """Return whether a change is that of a doublet: two modes of equal frequency and different shapes at the start.
 
-        Such modes couple as soon as the parameter leaves its first value.
+        Such modes couple as soon as the parameter leaves its first value. Equal parts have two modes each.
         """
         start = self.step.end(0)
-        near = np.argsort(np.abs(start.v - change.v))[:2]
-        if len(near) < 2 or change.gains < 0:
+        near = self._nearest_at_start(change)
+        if len(near) < 2 * change.copies or change.gains < 0:
             return False
-        apart = abs(start.v[near[0]] - start.v[near[1]])
-        if apart > 4 * start.blur[near].max() + 1e-9 * abs(change.v):
+        if np.abs(start.v[near] - start.v[near[0]]).max() > 4 * start.blur[near].max() + 1e-9 * abs(change.v):
             return False
         u = start.right[:, near]
-        return bool(modal_assurance(u[:, :1], u[:, 1:], start.M)[0, 0] <= _ONE_SHAPE)
+        cosines = u.conj().T @ (start.M @ u)
+        size = np.sqrt(cosines.diagonal().real)
+        # Of two shapes the least eigenvalue is 1 − √MAC.
+        return bool(np.linalg.eigvalsh(cosines / np.outer(size, size))[0] >= 1 - np.sqrt(_ONE_SHAPE))
+
+    def _nearest_at_start(self, change: Change) -> np.ndarray:
+        """Return the places of the modes at the start, two of each copy, whose eigenvalues are nearest to a change."""
+        return np.argsort(np.abs(self.step.end(0).v - change.v))[: 2 * change.copies]
 
     def _doublet_width(self, change: Change) -> float:
         """Return how far from the start a doublet may still be stable, since its θ are equal only up to rounding.
@@ -111,8 +117,8 @@ class Refiner:
         change. They are unstable once it exceeds half the distance that their θ may have by rounding.
         """
         start, width = self.step.end(0), abs(change.high - self.step.ends[0])
-        near = np.argsort(np.abs(start.v - change.v))[:2]
-        apart = abs(start.v[near[0]] - start.v[near[1]]) / 2 + start.blur[near].max()
+        near = self._nearest_at_start(change)
+        apart = np.abs(start.v[near] - start.v[near[0]]).max() / 2 + start.blur[near].max()
         return float(min(apart / abs(change.v.imag), 1.0) * width + FINEST * self.step.width)
 
     # Newton's method, on the step model first.

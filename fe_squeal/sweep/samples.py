@@ -190,7 +190,9 @@ class Samples:
         back = self.v[k] - h * self.slope[k] / 2
         return np.asarray(linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))[1])
 
-    def made(self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float]) -> Change:
+    def made(
+        self, kind: str, gains: int, k: int, there: int, i: int, limits: tuple[float, float], among: np.ndarray
+    ) -> Change:  # fmt: skip
         """Return a change of eigenvalue i between samples k and k + 1.
 
         Parameters
@@ -202,23 +204,31 @@ class Samples:
             The sample whose eigenvalue and vectors are taken, k or k + 1.
         limits : (float, float)
             As in `Change`, but in t.
+        among : (c,) int
+            All eigenvalues that change in the same way there, i among them.
         """
         c, t = self.cluster, self.t
         W = self.W[there]
         with np.errstate(all="ignore"):
             inverse = np.linalg.pinv(W)
         right, left = c.vectors(t[there], W[:, i], inverse[i].conj())
-        start = bool(self.starts and (k == 0 or self._is_double(k, self.v[there, i].real)))
+        v = complex(self.v[there, i])
+        copies = int(np.count_nonzero(np.abs(self.v[there, among] - v) <= 2 * self.rounding[there]))
+        start = bool(self.starts and (k == 0 or self._is_double(k, v.real, copies)))
         return Change(
             kind, gains, c.value(t[k]), c.value(t[k + 1]), (c.value(limits[0]), c.value(limits[1])),
-            complex(self.v[there, i]) * (1j if self.turned else 1), right, left, c.shapes, start,
+            v * (1j if self.turned else 1), right, left, c.shapes, start, copies,
         )  # fmt: skip
 
-    def _is_double(self, k: int, near: float) -> bool:
-        """Return whether the two eigenvalues nearest to a number are equal up to rounding at all samples up to k."""
+    def _is_double(self, k: int, near: float, copies: int) -> bool:
+        """Return whether the eigenvalues nearest to a number, two of each copy, are equal at all samples up to k.
+
+        They are equal up to rounding. Two alone would be one mode of two copies, which are equal at all values.
+        """
         v, low = self.v[: k + 1], self.rounding[: k + 1]
-        pair = np.take_along_axis(v, np.argsort(np.abs(v - near), axis=1)[:, :2], axis=1)
-        return bool(pair.shape[1] == 2 and (np.abs(pair[:, 0] - pair[:, 1]) <= 2 * low).all())
+        nearest = np.take_along_axis(v, np.argsort(np.abs(v - near), axis=1)[:, : 2 * copies], axis=1)
+        equal = np.abs(nearest - nearest[:, :1]) <= 2 * low[:, None]
+        return bool(nearest.shape[1] == 2 * copies and equal.all())
 
     def blurred(self, i: np.ndarray, j: np.ndarray, error: np.ndarray) -> np.ndarray:
         """Return how far (s, pairs) errors of H (s,) may move D = ((v_i − v_j)/2)² of pairs i, j.

@@ -158,6 +158,23 @@ def test_onsets_of_copies_are_those_of_one_alone(copies, damping, method):
     assert grow[1] == [copies * g for g in grow[0]]
 
 
+@pytest.mark.parametrize("copies", [1, 2, 3])
+@pytest.mark.parametrize(("friction", "second", "onset"), [([[1, 1], [-1, 0]], 2, 1 / 3), ([[0, 1], [-1, 0]], 1, 0)])
+def test_equal_pads_have_no_threshold_only_where_one_alone_has_none(friction, second, onset, copies):
+    """K = diag(1, 2) + p [[1, 1], [−1, 0]]: ((1 − p)/2)² = p² at p = 1/3. Equal θ of one pad couple from p = 0 on."""
+    parts = [("m", "M", np.eye(2), True, {}), ("k", "K", np.diag([1.0, second]), True, {})]
+    parts.append(("f", "K", np.array(friction, float), False, {"p": 1}))
+    terms = tuple(
+        Term(name, slot, sp.csr_array(la.block_diag(*[A] * copies)), symmetric, powers)
+        for name, slot, A, symmetric, powers in parts
+    )
+    found = fe_squeal.sweep(Problem(terms, {"p": 0.0}), [0, 0.5, 1], "p", modes=2 * copies)
+    assert len(found.onsets) == copies and not found.warnings
+    for o in found.onsets:
+        assert abs(o.value - onset) <= o.uncertainty < 1e-6
+        assert np.isnan(o.crossing_speed) == (not onset)
+
+
 @pytest.mark.parametrize(("changes", "same"), [
     ({"value": 0.3 * (1 + 1e-9), "frequency_hz": 1000.0 * (1 - 1e-9), "branch_a": 5}, True),
     ({"value": 0.3 + 4e-5, "uncertainty": 5e-5}, True),
