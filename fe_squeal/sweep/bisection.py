@@ -101,7 +101,8 @@ class Bisection:
         elif change.kind == "crossing":
             law = _law_by_growth(growing, i, unstable(value + into * aside / _NEARER))
             speed *= np.sqrt(aside) if law == "root" else 1.0
-        return onset_of(step, change, value, lam.imag, float(speed * np.sign(change.gains)), unseen, law)
+        speed *= 1 if law == "root" else np.sign(change.gains)  # dRe λ/dp falls, √|p − p_c| is positive on either side
+        return onset_of(step, change, value, lam.imag, float(speed), unseen, law)
 
     def _reduced(self, change: Change, value: float, more: Modes) -> float:
         """Return the error of a reduced model in an onset, from the modes `more` just beyond it.

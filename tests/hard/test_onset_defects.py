@@ -285,11 +285,15 @@ def test_waves_that_meet_on_the_axis(method):
              Term("k", "K", sp.csr_array(np.diag([1.05, 1.25])), True),
              Term("soft", "K", sp.csr_array(-np.eye(2)), True, {"p": 1}),
              Term("g", "C", sp.csr_array(np.array([[0.0, 2.0], [-2.0, 0.0]])), False, skew=True)]  # fmt: skip
-    result = fe_squeal.sweep(Problem(tuple(terms), {"p": 0.0}), np.linspace(0, 3, 11), "p", modes=2, method=method)
+    problem, aside = Problem(tuple(terms), {"p": 0.0}), 1e-4
+    result = fe_squeal.sweep(problem, np.linspace(0, 3, 11), "p", modes=2, method=method)
     assert not result.warnings and not result.unsettled
     assert [o.direction for o in result.onsets] == ["into", "out of", "into"]
-    for onset, exact in zip(result.onsets, (1.05, 1.25, 2.1525), strict=True):
+    for onset, exact, side in zip(result.onsets, (1.05, 1.25, 2.1525), (1, -1, 1), strict=True):
         assert abs(onset.value - exact) <= onset.uncertainty < 1e-6
+        pencil = problem.pencil({"p": exact + side * aside})
+        growth = solve_modes(pencil, Request(count=2)).lam.real.max()
+        assert onset.crossing_speed == pytest.approx(growth / np.sqrt(aside), rel=0.02)
 
 
 @pytest.mark.parametrize("method", ["direct", "reduced"])
