@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +22,8 @@ _BISECTED = 1e-7  # of the step: width at which a bisection ends
 _SPACINGS = 4  # of floats: a step that is hardly wider than these is not halved down to `_BISECTED`
 _WITHIN = 0.5  # of a mode's energy: a mode with more than this in the span of a group's shapes belongs to the group
 _FAST = 4.0  # times the highest frequency: growing modes are looked for up to this |λ|
-_ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured
+_ASIDE = 1e-3  # of the step: distance from a bisected onset at which its growth rate is measured, at least
+_SEEN = 16.0  # times its uncertainty: it is measured farther away, up to the limit, until it is above this
 _PROPORTIONAL = 1.2  # exponent of growth beyond an onset: with a larger one it passes zero without a slope
 _NEARER = 4.0  # times: growth is compared at two distances, which differ by so much
 _ROOT = 0.375, 0.75  # exponents of growth between those of a fourth root, a square root and a line
@@ -40,22 +43,25 @@ class Bisection:
     # Growing modes of the reduced model at some values, and up to which |λ| they are known.
     _known: dict[float, tuple[float, Modes]] = field(default_factory=dict, repr=False)
 
-    def onset(self, change: Change) -> Onset:
-        """Return the onset by bisection between the limits of the change, by the number of unstable modes of its group.
+    def onset(self, change: Change, between: tuple[float, float] | None = None) -> Onset:
+        """Return the onset by bisection, by the number of unstable modes of the group of a change.
+
+        It is bisected between two values, the limits of the change unless they are given. How growth begins is measured
+        up to the limits in any case.
 
         Raises
         ------
         NotConvergedError
-            The numbers at the two limits do not differ by what the change gains.
+            The numbers at the two values do not differ by what the change gains.
         """
         step, highest = self.step, 1.1 * self._highest(change)
 
-        def unstable(p: float) -> Modes:
+        def unstable(p: float, highest: float = highest) -> Modes:
             growing = self._growing(p, highest)
             u, _ = step.shapes(growing)
             return growing.select(np.flatnonzero(share_within(change.group, u, step.model.mass) > _WITHIN))
 
-        low, high = change.limits
+        low, high = between or change.limits
         before, behind = unstable(low), unstable(high)
         far = behind if change.gains > 0 else before
         if len(behind) - len(before) != change.gains:
@@ -77,32 +83,58 @@ class Bisection:
         more = behind if change.gains > 0 else before
         # The mode that became unstable last is the unstable one that grows least. Its growth rate is measured at a
         # small distance from the onset, where it is larger than its rounding.
-        lam = complex(more.lam[np.argmin(more.lam.real)])
+        last = int(np.argmin(more.lam.real))
+        lam, growth, blur = complex(more.lam[last]), float(more.lam[last].real), float(more.re_uncertainty[last])
         value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
-        aside = min(_ASIDE * self.step.width, abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value))
-        growing = unstable(value + into * aside)
-        if not len(growing):
-            growing, aside = more, abs(high - low)
-        i = int(np.argmin(np.abs(growing.lam - lam)))
-        power = 0.5 if change.kind in ("meeting", "zero") else 1.0
-        speed = growing.lam[i].real / aside**power
-        # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself.
-        # Twice the distance that the growth rate gives is allowed for, since growth is not linear.
-        unseen = float(2 * growing.re_uncertainty[i] / speed) ** (1 / power) + abs(high - low)
+        room = abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value)
+        beyond = partial(unstable, highest=max(highest, self._lowest()))
+        if measured := self._beyond(beyond, value, into, room, lam):
+            growing, aside, i = measured
+        else:
+            growing, aside, i, growth = more, abs(high - low), last, 0.0
+        law = law_of(step, change)
+        if change.kind == "crossing":
+            law = _law_by_growth(growing, i, beyond(value + into * aside / _NEARER))
+        if law == "parting":  # the mode grows on both sides
+            growth, blur = 0.0, float(growing.re_uncertainty[i])
+        # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself:
+        # growth has begun before it. This power of it rises in proportion to the distance.
+        power = 2 if law == "root" or change.kind in ("meeting", "zero") else 1
+        rise = growing.lam[i].real ** power - growth**power
+        slope = (rise if rise > 0 else growing.lam[i].real ** power) / aside
+        speed = slope ** (1 / power)
+        unseen = float((max(growth, blur) + blur) ** power / slope) + abs(high - low)
         if change.kind == "crossing":
             unseen = self._until_stable(change, value, lam, unseen, highest)
         # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
         if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
             unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
         unseen += self._reduced(change, value, more)
-        law = law_of(step, change)
         if law == "parting":  # growth does not begin there, and its distance says nothing
             speed = np.nan
-        elif change.kind == "crossing":
-            law = _law_by_growth(growing, i, unstable(value + into * aside / _NEARER))
-            speed *= np.sqrt(aside) if law == "root" else 1.0
         speed *= 1 if law == "root" else np.sign(change.gains)  # dRe λ/dp falls, √|p − p_c| is positive on either side
         return onset_of(step, change, value, lam.imag, float(speed), unseen, law)
+
+    def _beyond(
+        self, unstable: Callable[[float], Modes], value: float, into: float, room: float, lam: complex
+    ) -> tuple[Modes, float, int] | None:  # fmt: skip
+        """Return the growing modes beyond an onset, at which distance, and the place of the one that continues λ.
+
+        The distance is the least one at which the growth rate of that mode is far above its uncertainty, within `room`.
+        None if no modes are known to grow there, as none do in a very narrow window.
+        """
+        aside, found = min(_ASIDE * self.step.width, room), None
+        while True:
+            growing = unstable(value + into * aside)
+            if len(growing):
+                i = int(np.argmin(np.abs(growing.lam - lam)))
+                lam, found = complex(growing.lam[i]), (growing, aside, i)
+                if growing.lam[i].real > _SEEN * growing.re_uncertainty[i]:
+                    break
+            if aside >= room:
+                break
+            aside = min(_NEARER * aside, room)
+        return found
 
     def _reduced(self, change: Change, value: float, more: Modes) -> float:
         """Return the error of a reduced model in an onset, from the modes `more` just beyond it.
@@ -184,6 +216,10 @@ class Bisection:
     def _reach(self, highest: float) -> float:
         """Return up to which |λ|, rad/s, modes of a reduced model are solved for."""
         return _FAST * max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in self.step.modes_at_ends))
+
+    def _lowest(self) -> float:
+        """Return the least |λ|, rad/s, at that end of the step where it is larger: a slow mode may grow as fast."""
+        return max(float(np.abs(m.lam).min()) if len(m) else 0.0 for m in self.step.modes_at_ends)
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self.step.in_theta else np.sqrt(-change.v + 0j)

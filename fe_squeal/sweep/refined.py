@@ -72,7 +72,7 @@ class Refiner:
             root, sure = self._root(change)
         if not sure:  # the root may belong to another change of the group
             with suppress(*FAILURES):
-                return self._bisection.onset(replace(change, limits=around))
+                return self._bisection.onset(change, around)
         if root is None:
             return self._bisection.onset(change)
         omega = float(np.sqrt(max(root.theta, 0.0)))

@@ -177,3 +177,30 @@ def test_a_damped_window_of_which_neither_end_is_refined_is_told(monkeypatch):
     result = sweep(Problem(tuple(terms), {"p": 0.0}), [0.0, 1.0], "p", modes=1, method="direct")
     told = [w for w in result.warnings if "not refined: too large" in w]
     assert not result.onsets and len(told) == 2
+
+
+@pytest.mark.parametrize("values", [(0, 3), (0, 0.5, 1, 1.5), (0.5, 2)])
+def test_growth_that_is_clear_only_far_beyond_a_bisected_onset(values):
+    """Two masses with ten times the stiffness that doubles tell from zero, C = 0.3 (1 − p): Re λ = 0.15 (p − 1)."""
+    stiff = 1e13 * np.array([[1.0, -1.0], [-1.0, 1.0]]) + np.eye(2)
+    parts = [("m", "M", np.eye(2), {}), ("k", "K", stiff, {}), ("c", "C", 0.3 * np.eye(2), {})]
+    parts.append(("d", "C", -0.3 * np.eye(2), {"p": 1}))
+    terms = tuple(Term(name, slot, sp.csr_array(A), True, powers) for name, slot, A, powers in parts)
+    [onset] = sweep(Problem(terms, {"p": 0.0}), values, "p", modes=1).onsets
+    assert abs(onset.value - 1) <= onset.uncertainty < 0.3
+    assert onset.crossing_speed == pytest.approx(0.15, rel=0.1)  # rounding of Re λ is 0.018, growth at most 0.3
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e12])
+def test_roots_that_rounding_hides_from_bisection(bisected, stiffness):
+    """K = diag(1, 2) + p [[1, 1], [−1, 0]], turned together with two stiff modes: ((1 − p)/2)² = p² at p = 1/3, where
+    θ = 5/3 ± √(1/3 − p): Re λ = √dp/(2√(5/3))."""
+    turn = np.linalg.qr(np.random.default_rng(1).standard_normal((4, 4)))[0]
+    friction = la.block_diag([[1.0, 1.0], [-1.0, 0.0]], np.zeros((2, 2)))
+    K = turn @ np.diag([1.0, 2.0, stiffness, 2 * stiffness]) @ turn.T
+    parts = [("m", "M", np.eye(4), True, {}), ("k", "K", (K + K.T) / 2, True, {})]
+    parts.append(("f", "K", turn @ friction @ turn.T, False, {"p": 1}))
+    terms = tuple(Term(name, slot, sp.csr_array(A), symmetric, powers) for name, slot, A, symmetric, powers in parts)
+    [onset] = sweep(Problem(terms, {"p": 0.0}), [0, 1], "p", modes=2).onsets
+    assert abs(onset.value - 1 / 3) <= onset.uncertainty < 1e-7 + 1e-14 * stiffness
+    assert onset.crossing_speed == pytest.approx(np.sqrt(3 / 20), rel=0.02)
