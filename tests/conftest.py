@@ -71,6 +71,15 @@ def needs_pardiso() -> None:
     variations.require_pardiso(os.environ)
 
 
+@pytest.fixture
+def no_figures() -> Iterator[None]:
+    """Leave out the figures of commands in this process, where a test looks at tables and words alone."""
+    import undrawn  # with all commands, which few tests need
+
+    with undrawn.no_figures():
+        yield
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[object]:
     """The browser of all tests of the page."""

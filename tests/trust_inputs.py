@@ -12,34 +12,16 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 from trust_kinds import Kind, kinds, list_again
+from undrawn import no_figures
 
-import fe_squeal.report.difference_figure
-import fe_squeal.report.export
-import fe_squeal.report.mac
-import fe_squeal.run.accuracy
-import fe_squeal.run.animate
-import fe_squeal.run.mapped
-import fe_squeal.run.run
-import fe_squeal.run.scattered
 from fe_squeal.cli import main
 
-# Figures take most of the time; tests of the figures have them.
-_FIGURES = (
-    (fe_squeal.run.run, "write_figures"), (fe_squeal.run.run, "write_preload"),
-    (fe_squeal.report.export, "drawing_shapes"),
-    (fe_squeal.run.scattered, "plot_probability"), (fe_squeal.run.scattered, "plot_scatter"),
-    (fe_squeal.run.scattered, "plot_indices"), (fe_squeal.run.mapped, "plot_map"),
-    (fe_squeal.run.accuracy, "write_mesh_error"), (fe_squeal.report.mac, "plot_mac"),
-    (fe_squeal.report.difference_figure, "plot_differences"),
-    (fe_squeal.run.animate, "_write"),
-)  # fmt: skip
 MEMORY, SECONDS = 2**30, 10  # bytes beyond those of the program itself, and s of the processor
 _PEAK = "\0peak "  # behind it stands the peak of the memory, after all that the command said
 _WALL = 120.0  # s until a process that neither computes nor ends is ended: it waits for something
@@ -69,26 +51,21 @@ class Outcome:
 
 def search(folder: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None) -> dict[str, Outcome]:
     """Run the command on so many spoilt inputs in all, and hold each to its promises."""
-    with _no_figures():
+    with no_figures():
         return _search(folder, count, seed, tell)
 
 
-@contextlib.contextmanager
-def _no_figures() -> Iterator[None]:
-    with contextlib.ExitStack() as stack:
-        for module, name in _FIGURES:
-            stack.enter_context(mock.patch.object(module, name))
-        yield
-
-
 def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) -> dict[str, Outcome]:
-    found = kinds(folder / "good")
-    different = {(kind.command[0], kind.target.suffix): kind for kind in found}
+    every = kinds(folder / "good")
+    # A short search spoils every so manyth of them only, since each has to be seen to be good before.
+    chosen = [k * len(every) // count for k in range(count)] if count < len(every) else range(len(every))
+    different = {(every[i].command[0], every[i].target.suffix): every[i] for i in chosen}
     for kind in different.values():  # what the program imports for them is there before the processes part
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
             main(_prepared(kind, folder))
     outcomes = {}
-    for i, kind in enumerate(found):
+    for n, i in enumerate(chosen):
+        kind = every[i]
         outcome = outcomes[kind.name] = Outcome()
         base, rng = kind.base(), np.random.default_rng([seed, i])
         try:
@@ -96,7 +73,7 @@ def _search(folder: Path, count: int, seed: int, tell: Callable[[str], None]) ->
                 said = (folder / "stderr").read_text()
                 raise AssertionError(f"{kind.name}: the file is bad before it is spoilt: {said}")
             outcome.codes.clear()
-            for number in range(count // len(found) + (i < count % len(found))):
+            for number in range(count // len(chosen) + (n < count % len(chosen))):
                 data, before = kind.spoil(base, rng), len(outcome.faults)
                 _checked(kind, data, outcome, folder, bool(rng.integers(2)))
                 if len(outcome.faults) > before:

@@ -151,17 +151,21 @@ def test_what_makes_no_sense_is_one_message(tmp_path, capsys, arguments, message
 @pytest.mark.slow
 @pytest.mark.skipif(not has_pardiso() or not sys.platform.startswith("linux"), reason="figures of PARDISO on Linux")
 def test_a_forecast_is_right_within_15_per_cent():
-    """Two runs of 6 558 unknowns in processes of their own, and the forecast of another; more: benchmarks/memory.py.
+    """A run of 6 558 unknowns in a process of its own, and the forecast of another; more: benchmarks/memory.py.
 
-    The system may take back pages that rest for a while: a run can show less than it needs, and never more.
+    The system may take back pages that rest for a while: a run can show less than it needs, and never more. One that
+    shows too little is made again.
     """
     found, taken = {}, []
     for what in ("forecast", "run", "run"):
+        if taken and found["forecast"] < 1.15 * max(taken):
+            break
         command = [sys.executable, str(ROOT / "benchmarks/memory.py"), "hexahedra, direct", "--one", what]
         one = {**os.environ, "OMP_NUM_THREADS": "1"}  # PARDISO's analysis allows for each thread
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=one)
         found |= json.loads(done.stdout.splitlines()[-1])
-        taken.append(found.get("taken", 0.0))
+        if what == "run":
+            taken.append(found["taken"])
     assert found["unknowns"] == 6558
     assert 1 / 1.15 < found["forecast"] / max(taken) < 1.15
 

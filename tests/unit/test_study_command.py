@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from undrawn import no_figures as without_figures
 
 import fe_squeal
 import fe_squeal.run.run
@@ -43,15 +44,21 @@ points = 3
 
 
 @pytest.fixture
-def scene(tmp_path):
+def drawn_scene(tmp_path):
     """Write a scene of two modes with a study, and return its path."""
     return partial(write_study, tmp_path)
 
 
+@pytest.fixture
+def scene(drawn_scene, no_figures):
+    """The same for tests that look at no figure."""
+    return drawn_scene
+
+
 @pytest.mark.slow
-def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
+def test_a_scatter_writes_what_the_interface_promises(drawn_scene, tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["study", str(scene(SCATTER)), "-o", str(out)]) == 0
+    assert main(["study", str(drawn_scene(SCATTER)), "-o", str(out)]) == 0
     samples, modes, bands, indices = (
         pd.read_csv(out / f"{name}.csv") for name in ("samples", "unstable_modes", "bands", "indices")
     )
@@ -73,7 +80,8 @@ def test_a_scatter_writes_what_the_interface_promises(scene, tmp_path, capsys):
     worst = samples.loc[samples["worst_re"].idxmax()]
     assert dangerous.parameters["mu"] == pytest.approx(worst["mu"], rel=1e-14)  # pandas 2 may lose the last digit
     assert dangerous.study is None
-    assert main(["run", str(out / record["dangerous"][0]), "-o", str(tmp_path / "run")]) == 0
+    with without_figures():
+        assert main(["run", str(out / record["dangerous"][0]), "-o", str(tmp_path / "run")]) == 0
     assert pd.read_csv(tmp_path / "run" / "modes.csv")["re"].max() == pytest.approx(worst["worst_re"])
     assert main(["study", str(tmp_path / "scene.toml"), "-o", str(out), "--resume"]) == 0
     assert "nothing is left to resume" in capsys.readouterr().out
@@ -107,9 +115,9 @@ def test_what_drives_a_rare_instability_is_not_told(scene, tmp_path, capsys):
     assert "driven most" not in capsys.readouterr().out
 
 
-def test_a_map_writes_what_the_interface_promises(scene, tmp_path):
+def test_a_map_writes_what_the_interface_promises(drawn_scene, tmp_path):
     out = tmp_path / "out"
-    path = scene(MAP)
+    path = drawn_scene(MAP)
     path.write_text(path.read_text().replace("report = false", "report = true"))
     assert main(["study", str(path), "-o", str(out)]) == 0
     grid, boundaries = pd.read_csv(out / "map.csv"), pd.read_csv(out / "boundaries.csv")
@@ -182,8 +190,8 @@ def test_resuming_gives_the_same_samples(scene, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_page_that_an_interruption_has_left_out_is_written(scene, tmp_path, monkeypatch):
-    path, out = scene(MAP), tmp_path / "out"
+def test_the_page_that_an_interruption_has_left_out_is_written(drawn_scene, tmp_path, monkeypatch):
+    path, out = drawn_scene(MAP), tmp_path / "out"
     path.write_text(path.read_text().replace("report = false", "report = true"))
     command = ["study", str(path), "-o", str(out), "--resume"]
     with monkeypatch.context() as patched:
@@ -290,10 +298,10 @@ def test_the_page_of_a_run_stays_until_a_study_has_its_own(scene, tmp_path, monk
 
 
 @pytest.mark.parametrize("last", ["run", "study"])
-def test_the_page_is_that_of_the_command_which_wrote_last(scene, tmp_path, capsys, monkeypatch, last):
+def test_the_page_is_that_of_the_command_which_wrote_last(drawn_scene, tmp_path, capsys, monkeypatch, last):
     """And `report` makes it anew; it had been that of the run in either order."""
     monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
-    path, out = scene(MAP), tmp_path / "out"
+    path, out = drawn_scene(MAP), tmp_path / "out"
     path.write_text(path.read_text().replace("report = false", "report = true"))
     for command in sorted(("run", "study"), key=lambda command: command == last):
         assert main([command, str(path), "-o", str(out)]) == 0

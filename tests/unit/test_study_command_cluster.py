@@ -23,17 +23,20 @@ from fe_squeal.errors import NotConvergedError
 from fe_squeal.study import pools
 from tests.studies import SCATTER, write_study
 
+SAMPLES = SCATTER.replace("[study]", "[study]\nindices = false")  # these would start a cluster of their own
+
 
 @pytest.fixture
-def scene(tmp_path):
+def scene(tmp_path, no_figures):
     """Write a scene of two modes with a study, and return its path."""
     return partial(write_study, tmp_path)
+
 
 @pytest.mark.slow
 def test_any_number_of_workers_gives_the_same_samples(scene, tmp_path, recwarn):
     """No fixed port is asked for: that of Dask's dashboard is taken, and nobody hears of it."""
     pytest.importorskip("distributed")
-    path = scene(SCATTER, 128)
+    path = scene(SAMPLES, 128)
     with socket.socket() as taken:
         with contextlib.suppress(OSError):  # by somebody else, which does as well
             taken.bind(("127.0.0.1", 8787))
@@ -46,17 +49,33 @@ def test_any_number_of_workers_gives_the_same_samples(scene, tmp_path, recwarn):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("victim", ["worker", "scheduler"])
-def test_a_cluster_that_loses_a_part(scene, tmp_path, victim):
+def test_a_cluster_that_loses_a_part(scene, tmp_path):
     """Two workers: without one of them the study goes on; without the scheduler it ends, and keeps what is done."""
     pytest.importorskip("distributed")
-    path, out, address = scene(SCATTER, 1024), tmp_path / "out", tmp_path / "scheduler.json"
+    path, address = scene(SAMPLES, 1024), tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     scheduler = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard",
          "--scheduler-file", str(address)], env=environment, **quiet)  # fmt: skip
     started = [scheduler]
+
+    def study(out, victim):
+        """Kill a part in the middle of a study, and return the study's process and its exit code."""
+        command = ["study", str(path), "-o", str(out), "--scheduler", where]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "fe_squeal", *command], env=environment, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, encoding="utf-8",
+        )  # fmt: skip
+        started.append(process)
+        for _ in range(600):
+            if len(list((out / "parts").glob("samples_*.npz"))) >= 2:
+                break
+            time.sleep(0.05)
+        assert process.poll() is None  # it goes on
+        victim.send_signal(signal.SIGKILL)
+        return process, process.wait(120)
+
     try:
         for _ in range(300):
             if address.exists() and address.stat().st_size:
@@ -70,26 +89,15 @@ def test_a_cluster_that_loses_a_part(scene, tmp_path, victim):
             for _ in range(2)
         ]  # fmt: skip
         started += workers
-        study = subprocess.Popen(
-            [sys.executable, "-m", "fe_squeal", "study", str(path), "-o", str(out), "--scheduler", where],
-            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8",
-        )  # fmt: skip
-        started.append(study)
-        for _ in range(600):
-            if len(list((out / "parts").glob("samples_*.npz"))) >= 2:
-                break
-            time.sleep(0.05)
-        assert study.poll() is None  # it goes on
-        (workers[0] if victim == "worker" else scheduler).send_signal(signal.SIGKILL)
-        assert study.wait(120) == (0 if victim == "worker" else 3)
-        if victim == "scheduler":
-            assert "the scheduler is gone" in study.stderr.read()
-            assert json.loads((out / "study.json").read_text())["status"] == "not converged"
-            assert len(list((out / "parts").glob("samples_*.npz"))) >= 2
-            return
-        samples = pd.read_csv(out / "samples.csv")
+        assert study(tmp_path / "worker", workers[0])[1] == 0
+        samples = pd.read_csv(tmp_path / "worker" / "samples.csv")
         assert (samples["sample"] == np.arange(1, 1025)).all()
         assert (samples["unstable"] == (samples["delta"] < 2 * samples["mu"])).all()
+        out = tmp_path / "scheduler"
+        process, code = study(out, scheduler)
+        assert code == 3 and "the scheduler is gone" in process.stderr.read()
+        assert json.loads((out / "study.json").read_text())["status"] == "not converged"
+        assert len(list((out / "parts").glob("samples_*.npz"))) >= 2
     finally:
         for process in reversed(started):
             process.kill()
