@@ -76,7 +76,7 @@ def no_figures() -> Iterator[None]:
     """Leave out the figures of commands in this process, where a test looks at tables and words alone."""
     import undrawn  # with all commands, which few tests need
 
-    with undrawn.no_figures():
+    with undrawn.without_figures():
         yield
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from trust_kinds import Kind, kinds, list_again
-from undrawn import no_figures
+from undrawn import without_figures
 
 from fe_squeal.cli import main
 
@@ -51,7 +51,7 @@ class Outcome:
 
 def search(folder: Path, count: int, seed: int, tell: Callable[[str], None] = lambda text: None) -> dict[str, Outcome]:
     """Run the command on so many spoilt inputs in all, and hold each to its promises."""
-    with no_figures():
+    with without_figures():
         return _search(folder, count, seed, tell)
 
 

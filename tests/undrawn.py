@@ -27,7 +27,7 @@ _FIGURES = (
 
 
 @contextlib.contextmanager
-def no_figures() -> Iterator[None]:
+def without_figures() -> Iterator[None]:
     """Leave out the figures of every command that runs in this process, or in one that parts from it."""
     with contextlib.ExitStack() as stack:
         for module, name in _FIGURES:

@@ -96,5 +96,5 @@ def test_bars_hold_where_matrices_are_interpolated():
         assert (np.abs(moved.real) <= point.discretisation.real + slack)[known].all()
         assert (np.abs(moved.imag) <= point.discretisation.imag + slack)[known].all()
     (onset,) = (o for o in barred.onsets if o.direction == "into")
-    there = sweep(fine, values, modes=6, method="direct").onsets[0]
+    (there,) = sweep(fine, values[2:4], modes=6, method="direct").onsets  # it lies between these
     assert there.direction == "into" and 1e-3 < abs(there.value - onset.value) < onset.discretisation < 1

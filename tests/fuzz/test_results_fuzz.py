@@ -17,6 +17,7 @@ from interrupted import sweep_text
 from scene_texts import write_scene
 from selection import amount, some
 from trust_signals import MAP, STUDY
+from undrawn import without_figures
 
 from fe_squeal.cli import main
 from fe_squeal.errors import OutputError
@@ -34,7 +35,8 @@ order,size,modes,method,tolerance,unknowns,seconds,peak_memory_mib,error_frequen
 
 
 def _run(place: Path) -> None:
-    assert main(["run", str(write_scene(place, SHOWN, "shapes.toml")), "-o", str(place / "out")]) == 0
+    with without_figures():  # the page has its own
+        assert main(["run", str(write_scene(place, SHOWN, "shapes.toml")), "-o", str(place / "out")]) == 0
 
 
 def _difference(place: Path) -> None:

@@ -103,7 +103,7 @@ def test_an_interruption_that_comes_out_as_another_exception(
 @POSIX
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_while_importing(number: signal.Signals, scene: Path) -> None:
+def test_signal_while_importing(number: signal.Signals, scene: Path, no_figures: None) -> None:
     """At moments from the first line of the program on: one word, and the exit code of an interruption."""
     hears = "signal.signal(signal.SIGINT, signal.default_int_handler)"
     program = HEARING[2].replace("sys.exit(main())", "print('begun', flush=True); sys.exit(main())")
@@ -261,25 +261,28 @@ def test_signal_while_workers_start(tmp_path: Path) -> None:
 
 @POSIX
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_while_drawing(number: signal.Signals, tmp_path: Path, whole_with_shapes: Path) -> None:
-    """The process that draws ends with its parent, nothing half drawn stays, and --resume finishes."""
+def test_signal_while_drawing(tmp_path: Path, whole_with_shapes: Path) -> None:
+    """The process that draws ends with its parent, nothing half drawn stays, and --resume finishes.
+
+    It is interrupted, goes on and is ended in drawing again.
+    """
     path, out = write_scene(tmp_path, SHOWN), tmp_path / "out"
     (tmp_path / "tmp").mkdir()
-    child = subprocess.Popen(
-        [*HEARING, "run", str(path), "-o", str(out)], env=environment(TMPDIR=str(tmp_path / "tmp")),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
-    )  # fmt: skip
-    process = psutil.Process(child.pid)
-    while not (drawing := process.children()):
-        assert child.poll() is None
-        time.sleep(0.01)
-    time.sleep(0.3)
-    child.send_signal(number)
-    _, said = child.communicate(timeout=60)
-    assert (child.returncode, said) == (130, "interrupted\n")
-    assert not psutil.wait_procs(drawing, timeout=10)[1]
-    assert not list((tmp_path / "tmp").iterdir()) and not list(out.rglob(".*"))
+    for number, options in ((signal.SIGINT, []), (signal.SIGTERM, ["--resume"])):
+        child = subprocess.Popen(
+            [*HEARING, "run", str(path), "-o", str(out), *options], env=environment(TMPDIR=str(tmp_path / "tmp")),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+        )  # fmt: skip
+        process = psutil.Process(child.pid)
+        while not (drawing := process.children()):
+            assert child.poll() is None
+            time.sleep(0.01)
+        time.sleep(0.3)
+        child.send_signal(number)
+        _, said = child.communicate(timeout=60)
+        assert (child.returncode, said) == (130, "interrupted\n")
+        assert not psutil.wait_procs(drawing, timeout=10)[1]
+        assert not list((tmp_path / "tmp").iterdir()) and not list(out.rglob(".*"))
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
     assert_same_results(out, whole_with_shapes)
 

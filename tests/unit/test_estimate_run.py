@@ -15,6 +15,8 @@ from fe_squeal.accuracy.measure import measure
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.cli import main
 
+pytestmark = pytest.mark.usefixtures("no_figures")
+
 
 def columns(out):
     modes, onsets = (pd.read_csv(out / f"{name}.csv") for name in ("modes", "onsets"))

@@ -72,11 +72,11 @@ def test_circles_of_a_graded_and_aligned_disc():
     for edge in (0.07, 0.085, 0.128, 0.13):
         assert np.abs(placed.disc_radii - edge).min() < 1e-12
     assert lengths[0] == lengths[:-1].min() and 2 < lengths[-2] / lengths[0] < 4 and (lengths > 0).all()
+    before, after = measures(plain), measures(placed)
     for group in ("volume", "area"):
-        before, after = (measures(g)[group] for g in (plain, placed))
-        assert before.keys() == after.keys()
-        for name, size in before.items():
-            assert after[name] == pytest.approx(size, rel=1e-6), name
+        assert before[group].keys() == after[group].keys()
+        for name, size in before[group].items():
+            assert after[group][name] == pytest.approx(size, rel=1e-6), name
     points = make_mesh(placed).points
     disc = points[np.abs(points[:, 2]) < 0.006]
     turn = 2 * np.pi / placed.disc_counts[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import nullcontext
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -28,9 +29,11 @@ ORIGIN = np.array([0.01, -0.02, 0.03])
 KEYS = "length_unit = 'mm'\naxes = [[0, 1, 0], [0, 0, 1]]\norigin = [0.01, -0.02, 0.03]\n"
 
 
-def run(folder: Path, measured: str, shapes: str = "none") -> Path:
+def run(folder: Path, measured: str, shapes: str = "none", drawn: bool = False) -> Path:
+    """Run a scene; of its figures mac.png alone is drawn, unless others are asked for."""
     path = write_scene(folder, replaced('shapes = "none"\nreport = false', f'shapes = "{shapes}"') + measured)
-    assert main(["run", str(path), "-o", str(folder / "out")]) == 0
+    with nullcontext() if drawn else mock.patch("fe_squeal.run.run.write_figures"):
+        assert main(["run", str(path), "-o", str(folder / "out")]) == 0
     return folder / "out"
 
 
@@ -53,7 +56,7 @@ def test_frequencies_of_the_scene_and_of_a_file(tmp_path: Path, capsys: pytest.C
     """The unstable mode lies near 712 Hz: 700 Hz is below it by what the sentence says."""
     (tmp_path / "squeal.csv").write_text("frequency_hz,level_db,label\n650,88.5,stop 2\n9000,,\n")
     one = '[[measured]]\nfrequency_hz = 700.0\nlevel_db = 92.0\nlabel = "stop 1"\n'
-    out = run(tmp_path, one + '[[measured]]\nfile = "squeal.csv"\n')
+    out = run(tmp_path, one + '[[measured]]\nfile = "squeal.csv"\n', drawn=True)
     record = json.loads((out / "run.json").read_text())["measured"]
     assert [(m["frequency_hz"], m["level_db"], m["label"]) for m in record] == [
         (700.0, 92.0, "stop 1"), (650.0, 88.5, "stop 2"), (9000.0, None, "")]  # fmt: skip
@@ -72,7 +75,7 @@ def test_frequencies_of_the_scene_and_of_a_file(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.slow
-def test_without_an_unstable_mode_the_sentence_says_so(tmp_path: Path) -> None:
+def test_without_an_unstable_mode_the_sentence_says_so(tmp_path: Path, no_figures: None) -> None:
     path = write_scene(tmp_path, replaced("to = 0.8", "to = 0.2") + "[[measured]]\nfrequency_hz = 700.0\n")
     assert main(["run", str(path), "-o", str(tmp_path / "out")]) == 0
     [m] = json.loads((tmp_path / "out/run.json").read_text())["measured"]

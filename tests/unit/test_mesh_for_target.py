@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from deck_texts import deck_of
 from rich.console import Console
 from scipy.sparse.linalg import LinearOperator, eigs
+from undrawn import without_figures
 
 from fe_squeal import assemble, load_mesh, sweep
 from fe_squeal.accuracy import choose as choosing
@@ -76,9 +77,10 @@ modes = 5
 """
 
 
-def write(folder, element="hex", order=2):
+def write(folder, element="hex", order=2, report=False):
     path = folder / "block.toml"
-    path.write_text(BLOCK.format(element=element, order=order), encoding="utf-8")
+    output = "" if report else "[output]\nreport = false\n"
+    path.write_text(BLOCK.format(element=element, order=order) + output, encoding="utf-8")
     return path
 
 
@@ -109,7 +111,7 @@ def true_error(result, truth):
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_target_is_met(tmp_path, truth, monkeypatch):
+def test_a_target_is_met(tmp_path, truth, monkeypatch, no_figures):
     """The choice's own estimate meets it, its true error, too, and the written mesh gives the same frequencies."""
     for element, target in (("hex", 0.006), ("tet", 0.01)):  # in one test, since `truth` takes long
         with monkeypatch.context() as patched:
@@ -144,7 +146,7 @@ def assert_target_is_met(folder, truth, element, target, patched):
 @pytest.mark.slow
 def test_what_is_written_besides(tmp_path, capsys):
     """Columns that are extrapolated, the parts of the error, the page's section; parts add up to the changes."""
-    scene, out = write(tmp_path), tmp_path / "out"
+    scene, out = write(tmp_path, report=True), tmp_path / "out"
     assert main(["run", str(scene), "-o", str(out), "--accuracy", "0.03", "--accuracy-of", "frequencies"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "mesh.msh" in printed and "elements_x = " in printed
@@ -164,13 +166,14 @@ def test_what_is_written_besides(tmp_path, capsys):
     # Parts of one sign add up to the change itself, but for the order in which they are added.
     assert drawn.sum() >= worst["size"] * (1 - 1e-12) and page.count("data:image/png") >= 2
     # A plain run into the same folder leaves nothing of it behind.
-    assert main(["run", str(scene), "-o", str(out)]) == 0
+    with without_figures():
+        assert main(["run", str(scene), "-o", str(out)]) == 0
     assert not any((out / name).exists() for name in ("mesh.msh", "mesh_error.csv", "mesh_error.vtu"))
     assert "re_extrapolated" not in pd.read_csv(out / "modes.csv")
 
 
 @pytest.mark.slow
-def test_a_target_that_is_missed(tmp_path, capsys, monkeypatch):
+def test_a_target_that_is_missed(tmp_path, capsys, monkeypatch, no_figures):
     """The nearest result is written, with bars, and marked."""
     monkeypatch.setattr(choosing, "_RUNS", 1)
     scene, out = write(tmp_path), tmp_path / "out"
@@ -185,7 +188,7 @@ def test_a_target_that_is_missed(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_mesh_too_large_is_not_begun(tmp_path, capsys, monkeypatch):
+def test_a_mesh_too_large_is_not_begun(tmp_path, capsys, monkeypatch, no_figures):
     """What the next mesh needs is compared with the memory before it is assembled; what there is is written."""
     whole = choosing.require_memory
     monkeypatch.setattr(choosing, "require_memory", lambda needed, *rest: whole(10**18, *rest))
@@ -197,7 +200,7 @@ def test_a_mesh_too_large_is_not_begun(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch):
+def test_a_search_goes_on_where_it_was_stopped(tmp_path, capsys, monkeypatch, no_figures):
     """Stopped in its second trial: what the first gave is there; resumed, the first is not repeated."""
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
@@ -273,7 +276,7 @@ def test_nothing_is_begun_without_memory_for_both(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatch):
+def test_a_search_that_ended_in_writing_does_not_begin_anew(tmp_path, monkeypatch, no_figures):
     scene, out = write(tmp_path), tmp_path / "out"
     run = ["run", str(scene), "-o", str(out), "--accuracy", "0.012"]
     swept, meshes = choosing._swept, []

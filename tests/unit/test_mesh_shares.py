@@ -136,10 +136,10 @@ def test_a_rod_by_its_closed_form(order):
 def test_onsets_move_as_on_the_refined_mesh():
     """To first order, against the onsets of the refined mesh itself; so do those of its corrected model."""
     brake = load_scene(EXAMPLES / "disc_pad.toml")
-    table = brake.mesh.disc_pad.model_copy(update={"size": 0.02})
+    table = brake.mesh.disc_pad.model_copy(update={"size": 0.03})
     mesh = brake.mesh.model_copy(update={"disc_pad": table, "file": None})
     scene = brake.model_copy(update={"mesh": mesh})
-    values = np.linspace(0.05, 0.45, 5)  # both onsets; the reduced model of a shorter interval is cheaper
+    values = np.linspace(0.09, 0.4, 3)  # both onsets; the reduced model of a shorter interval is cheaper
     problem = assemble(scene)
     result = sweep(problem, values, max_frequency=5000.0)
     refined = refine_problem(result)
@@ -151,5 +151,5 @@ def test_onsets_move_as_on_the_refined_mesh():
     for onset, first, whole in zip(result.onsets, split.changes, changes, strict=True):
         near = min(there, key=lambda o: abs(o.frequency_hz / onset.frequency_hz - 1))
         moved = near.value - onset.value
-        assert whole == pytest.approx(moved, rel=0.1)
-        assert first == pytest.approx(moved, rel=0.4)  # changes are not small here: 30 % of an onset
+        assert whole == pytest.approx(moved, rel=0.06)
+        assert first == pytest.approx(moved, rel=0.45)  # changes are not small here: 24 % of an onset

@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -167,11 +166,7 @@ def test_shapes(out: Path) -> None:
 
 
 @pytest.mark.slow
-def test_all_shapes_of_the_last_value(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are left out: they take most of the time and are tested above."""
-    import fe_squeal.report.export
-
-    monkeypatch.setattr(fe_squeal.report.export, "drawing_shapes", lambda *_: nullcontext())
+def test_all_shapes_of_the_last_value(tmp_path: Path, no_figures: None) -> None:
     text = replaced("from = 0.0\nto = 0.8\npoints = 5", "values = [0.0, 0.7]").replace('"none"', '"all"')
     assert main(["run", str(write_scene(tmp_path, text)), "-o", str(tmp_path / "out")]) == 0
     rows = [r for r in read_rows(tmp_path / "out" / "modes.csv") if r["value"] == "0.7"]

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import scipy.io
 import scipy.sparse as sp
-from undrawn import no_figures as without_figures
+from undrawn import without_figures
 
 import fe_squeal
 import fe_squeal.run.run
