@@ -52,7 +52,7 @@ class Bisection:
         Raises
         ------
         NotConvergedError
-            The numbers at the two values do not differ by what the change gains.
+            The numbers at the two values do not differ by what the change gains, or all its copies.
         """
         step, highest = self.step, 1.1 * self._highest(change)
 
@@ -64,7 +64,7 @@ class Bisection:
         low, high = between or change.limits
         before, behind = unstable(low), unstable(high)
         far = behind if change.gains > 0 else before
-        if len(behind) - len(before) != change.gains:
+        if len(behind) - len(before) not in (change.gains, change.gains * change.copies):
             raise NotConvergedError(
                 f"{len(before)} modes are unstable at {low:.8g} and {len(behind)} at {high:.8g} of those that take part"
             )

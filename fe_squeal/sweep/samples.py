@@ -287,15 +287,19 @@ def diagonals(left: np.ndarray, A: np.ndarray, right: np.ndarray) -> np.ndarray:
 def _real_or_paired(v: np.ndarray) -> np.ndarray:
     """Return eigenvalues (s, m) that are exactly real or in conjugate pairs, from v (s, m) which are only nearly so.
 
-    −iλ of a gyroscopic group has this symmetry, but the cubic between two of its matrices does not keep it exactly. Two
-    eigenvalues are a pair if each is the nearest one to the conjugate of the other, and this distance is smaller than
-    their distance from the real axis.
+    −iλ of a gyroscopic group has this symmetry, but the cubic between two of its matrices does not keep it exactly.
+    Those above the real axis and those below it are paired so that they are nearest to the conjugates of one another:
+    each of two copies of a pair may be nearest to the other one's. They are a pair if this distance is smaller than
+    their distances from the real axis.
     """
-    distance = np.abs(v[:, :, None] - v[:, None, :].conj())
-    own = np.arange(v.shape[1])
-    distance[:, own, own] = np.inf
-    partner = distance.argmin(axis=2)
-    mutual = np.take_along_axis(partner, partner, axis=1) == own
-    near = np.take_along_axis(distance, partner[:, :, None], axis=2)[:, :, 0] < np.abs(v.imag)
-    other = np.take_along_axis(v, partner, axis=1)
-    return np.where(mutual & near, (v + other.conj()) / 2, v.real)
+    paired = v.real.astype(complex)
+    for old, new in zip(v, paired, strict=True):
+        upper, lower = np.flatnonzero(old.imag > 0), np.flatnonzero(old.imag < 0)
+        distance = np.abs(old[upper][:, None] - old[lower].conj()[None, :])
+        rows, columns = linear_sum_assignment(distance)
+        i, j = upper[rows], lower[columns]
+        near = distance[rows, columns] < np.minimum(old[i].imag, -old[j].imag)
+        i, j = i[near], j[near]
+        new[i] = (old[i] + old[j].conj()) / 2
+        new[j] = new[i].conj()
+    return paired

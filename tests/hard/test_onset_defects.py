@@ -277,22 +277,26 @@ def test_errors_of_a_reduced_model_where_a_stiffness_is_swept(tolerance):
         assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty < 0.01
 
 
+@pytest.mark.parametrize("parts", [1, 2])
 @pytest.mark.parametrize("method", ["direct", "reduced"])
-def test_waves_that_meet_on_the_axis(method):
+def test_waves_that_meet_on_the_axis(method, parts):
     """M = 1, G = 2 [[0, 1], [−1, 0]], K = diag(1.05 − p, 1.25 − p): K is indefinite between 1.05 and 1.25; beyond, both
-    modes swing until √(p − 1.05) + √(p − 1.25) = 2, where two λ = iω meet, whose shapes are no real ones."""
-    terms = [Term("m", "M", sp.eye_array(2, format="csr"), True),
-             Term("k", "K", sp.csr_array(np.diag([1.05, 1.25])), True),
-             Term("soft", "K", sp.csr_array(-np.eye(2)), True, {"p": 1}),
-             Term("g", "C", sp.csr_array(np.array([[0.0, 2.0], [-2.0, 0.0]])), False, skew=True)]  # fmt: skip
+    modes swing until √(p − 1.05) + √(p − 1.25) = 2, where two λ = iω meet, whose shapes are no real ones. Equal parts
+    have all that as often as there are parts."""
+    turning = np.kron(np.eye(parts), [[0.0, 2.0], [-2.0, 0.0]])
+    terms = [Term("m", "M", sp.eye_array(2 * parts, format="csr"), True),
+             Term("k", "K", sp.diags_array(np.tile([1.05, 1.25], parts)).tocsr(), True),
+             Term("soft", "K", sp.csr_array(-np.eye(2 * parts)), True, {"p": 1}),
+             Term("g", "C", sp.csr_array(turning), False, skew=True)]  # fmt: skip
     problem, aside = Problem(tuple(terms), {"p": 0.0}), 1e-4
-    result = fe_squeal.sweep(problem, np.linspace(0, 3, 11), "p", modes=2, method=method)
+    result = fe_squeal.sweep(problem, np.linspace(0, 3, 11), "p", modes=2 * parts, method=method)
     assert not result.warnings and not result.unsettled
-    assert [o.direction for o in result.onsets] == ["into", "out of", "into"]
-    for onset, exact, side in zip(result.onsets, (1.05, 1.25, 2.1525), (1, -1, 1), strict=True):
+    assert [o.direction for o in result.onsets] == np.repeat(["into", "out of", "into"], parts).tolist()
+    exact_values, sides = np.repeat([[1.05, 1.25, 2.1525], [1, -1, 1]], parts, axis=1)
+    for onset, exact, side in zip(result.onsets, exact_values, sides, strict=True):
         assert abs(onset.value - exact) <= onset.uncertainty < 1e-6
         pencil = problem.pencil({"p": exact + side * aside})
-        growth = solve_modes(pencil, Request(count=2)).lam.real.max()
+        growth = solve_modes(pencil, Request(count=2 * parts)).lam.real.max()
         assert onset.crossing_speed == pytest.approx(growth / np.sqrt(aside), rel=0.02)
 
 
