@@ -293,7 +293,7 @@ def test_newton_asks_for_values_without_a_static_state():
     """A block that tips from some friction on: no trial of Newton's method beyond the sweep may end it."""
     found = []
     for method in ("direct", "reduced"):
-        problem = tipping(0.3, load=(0.0, 1.0), height=0.35, cells=12)
+        problem = tipping(0.3, load=(0.0, 1.0), height=0.35, cells=6)
         result = sweep(problem, np.linspace(0, 0.8, 5), modes=6, method=method)
         found.append([(o.direction, o.value) for o in result.onsets])
     assert len(found[0]) >= 2

@@ -232,7 +232,7 @@ def test_onsets_of_equal_blocks_are_those_of_one_alone(method):
 
     def swept(number):
         problem = fe_squeal.assemble(fe_squeal.parse_scene(blocks(number, **stiff)))
-        return fe_squeal.sweep(problem, np.linspace(0, 1.2, 7), max_frequency=11500, method=method)
+        return fe_squeal.sweep(problem, np.linspace(0, 1.2, 7)[:3], max_frequency=11500, method=method)
 
     one, both = swept(1), swept(2)
     assert len(one.onsets) == 2 and not both.warnings

@@ -19,7 +19,7 @@ from fe_squeal.reduced.whirling import _counted, whirl_rate
 from fe_squeal.study.points import sobol_points
 from meshes import annulus, make_problem
 
-N = 240
+N = 160
 TURN = la.expm(sp.diags_array([np.full(N - 1, 0.01), np.full(N - 1, -0.01)], offsets=[1, -1]).toarray())
 
 

@@ -204,10 +204,15 @@ def test_modes_up_to_a_frequency_are_counted(tiny):
 
 @pytest.fixture(scope="module")
 def measured(tiny, tmp_path_factory):
-    """Folder of measurements of some settings, the settings, and their study."""
+    """Folder of measurements of some settings, the settings, and their study.
+
+    All in this process, since each one of its own would import everything again: test_measure_apart.py has these.
+    """
     scene, folder = load_scene(tiny), tmp_path_factory.mktemp("measured")
     settings = [s for s in plan(scene) if s.size > 0.019 and s.knob in ("size", "modes") and s.modes == 8]
-    return folder, settings, run_study(scene, MeasurementFolder(folder), None, settings)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(study_module, "measure_apart", lambda *given: measure(*given[:4]))
+        return folder, settings, run_study(scene, MeasurementFolder(folder), None, settings)
 
 
 @pytest.mark.slow

@@ -31,11 +31,16 @@ MORE_TERMS = {
 
 @pytest.fixture(scope="module")
 def rows():
-    return measure(effect_cases(scene_of("coarse")), runs=1)
+    """The counts, with seconds that are made up."""
+    found = measure(effect_cases(scene_of("coarse")), runs=0)
+    for number, row in enumerate(found, 1):
+        row.assembly, row.solve, row.next_value = [0.2], [0.1 * number], [0.01]
+    return found
 
 
 @pytest.fixture(scope="module")
 def plain():
+    """The counts, with the seconds of one run."""
     return measure(absence_cases(scene_of("coarse")), runs=1)
 
 

@@ -29,7 +29,8 @@ def test_scenes_differ_and_can_be_made_finer():
 @pytest.mark.slow
 def test_a_row():
     scene, _, _ = page.cases(0)["soft pad on a belt"]
-    scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"block": scene.mesh.block.resized(0.02)})})
+    mesh = scene.mesh.model_copy(update={"block": scene.mesh.block.resized(0.02)})
+    scene = scene.model_copy(update={"mesh": mesh, "sweep": scene.sweep.model_copy(update={"points": 5})})
     found = page.reach("soft pad", scene, 0.05)
     assert found["true"] <= found["bar"] <= 0.05 and found["unknowns"] >= found["first"]
     assert page.row(found).count("|") == page.PAGE.partition("|---|")[0].splitlines()[-1].count("|")

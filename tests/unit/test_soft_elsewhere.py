@@ -12,6 +12,8 @@ from chains import MODES, N, chain
 
 from fe_squeal import sweep
 from fe_squeal.eigen.linear.choice import factorize
+from fe_squeal.eigen.request import Request
+from fe_squeal.eigen.solve import solve_modes
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced.soft import soft_vectors
@@ -51,14 +53,13 @@ def with_pair(coupling: float, stiffness: float, power: int, *effects: str) -> P
         (0.0, 0.3, 1, "auto"), (1e-6, 3e4, 1, "superlu"),
         *(pytest.param(*case, marks=pytest.mark.slow) for case in [
             (0.0, 0.3, 1, "superlu"), (0.0, 30.0, 1, "auto"), (1e-6, 3e4, 1, "auto"), (1e-4, 300.0, 2, "auto"),
-            (1e-4, 300.0, 2, "superlu"),
         ]),
     ],
 )  # fmt: skip
 def test_a_reduced_model_has_it(coupling: float, stiffness: float, power: int, solver: str) -> None:
     """The modes are those of LAPACK at the value where the part is soft, which no mode of the start contains."""
     problem, soft = with_pair(coupling, stiffness, power), 1.0 / power
-    result = sweep(problem, np.linspace(0, 1, 5), modes=MODES, method="reduced", linear_solver=solver)
+    result = sweep(problem, np.linspace(0, 1, 3), modes=MODES, method="reduced", linear_solver=solver)
     (point,) = (p for p in result.points if p.value == soft)
     pencil = problem.pencil(mu=soft)
     theta = la.eigvals(pencil.K.toarray(), pencil.M.toarray()).astype(complex)
@@ -73,10 +74,9 @@ def test_a_reduced_model_has_it(coupling: float, stiffness: float, power: int, s
 def test_a_damped_reduced_model_has_it(coupling: float, stiffness: float, rtol: float) -> None:
     """However little of what moves with it is left where lengths are measured with its stiffness at the start."""
     problem = with_pair(coupling, stiffness, 1, "damper")
-    found = [
-        sweep(problem, np.linspace(0, 1, 5), modes=MODES, method=m).points[-1].modes.lam for m in ("direct", "reduced")
-    ]
-    np.testing.assert_allclose(found[1], found[0], rtol=rtol)
+    found = sweep(problem, np.linspace(0, 1, 3), modes=MODES, method="reduced").points[-1].modes.lam
+    exact = solve_modes(problem.pencil(mu=1.0), Request(count=MODES)).lam
+    np.testing.assert_allclose(found, exact[: len(found)], rtol=rtol)
 
 
 @pytest.mark.parametrize("coupling", [0.0, 1e-2])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -16,12 +18,18 @@ from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
 from fe_squeal.reduced.corners import softest_value
 
-VALUES = np.linspace(0.0, 0.9, 7)
+VALUES = np.linspace(0.0, 0.9, 4)
 REQUEST = Request(count=MODES)
 
 
 def made(kind, mu=0.3):
     return Opening(*CLASSES[kind]).problem({"mu": mu})
+
+
+@cache
+def swept(kind, method, precise=False):
+    """Return a sweep, which several tests look at."""
+    return sweep(made(kind), VALUES, modes=MODES, method=method, precise=precise)
 
 
 @pytest.mark.parametrize("kind", CLASSES)
@@ -87,8 +95,7 @@ def test_a_matrix_that_is_only_there_at_some_values():
 @pytest.mark.parametrize("kind", some(CLASSES, lambda kind: kind == "nonsymmetric"))
 def test_every_mode_at_every_value(kind):
     """Within the tolerance and the uncertainty of LAPACK's on the whole problem; none missing."""
-    problem = made(kind)
-    result = sweep(problem, VALUES, modes=MODES, method="reduced")
+    problem, result = made(kind), swept(kind, "reduced")
     assert result.method.startswith("reduced model of")
     for point in result.points:
         exact, lam = dense(problem, point.value), point.modes.lam
@@ -122,9 +129,7 @@ def test_errors_are_told_where_points_of_a_stiff_contact_have_opened():
     *((kind, False) for kind in CLASSES), ("nonsymmetric", True), ("complex", True),
 ])  # fmt: skip
 def test_onsets_are_those_of_direct_solves(kind, precise):
-    problem = made(kind)
-    direct = sweep(problem, VALUES, modes=MODES, method="direct")
-    reduced = sweep(problem, VALUES, modes=MODES, method="reduced", precise=precise)
+    direct, reduced = swept(kind, "direct"), swept(kind, "reduced", precise)
     assert len(reduced.onsets) == len(direct.onsets)
     assert direct.onsets or "damp" in kind
     for a, b in zip(reduced.onsets, direct.onsets, strict=True):
