@@ -26,7 +26,7 @@ def test_massless_nodes(tmp_path, springs, crowd, kind):
     Krylov space that ends after as many steps as there are masses: with 60 springs per link 59 of 60 nodes have none.
     Condensed statically, the links have the stiffness GLUE."""
     n = 4
-    result = run(tmp_path, terms_of(*sites(n, springs, crowd), kind), {"mu": 0.0}, "mu", 0, 0.9, 4, 2 * n)
+    result = run(tmp_path, terms_of(*sites(n, springs, crowd), kind), {"mu": 0.0}, "mu", 0, 0.9, 3, 2 * n)
     if springs == 60:
         assert result.problem.unknowns > DENSE_LIMIT and (result.problem.pencil().M.diagonal() > 0).sum() == 2 * n
     check(result, n, kind)
@@ -71,7 +71,7 @@ def test_lagrange_multipliers(tmp_path, crowd, count, unit, sign, kind):
     that were cut in two."""
     n = 6
     terms = terms_of(*tied(n, np.arange(0, 2 * n, 2 * n / count).astype(int), crowd, unit, sign), kind)
-    result = run(tmp_path, terms, {"mu": 0.0}, "mu", 0, 0.9, 4, 2 * n)
+    result = run(tmp_path, terms, {"mu": 0.0}, "mu", 0, 0.9, 3, 2 * n)
     check(result, n, kind)
 
 
@@ -163,8 +163,10 @@ UNITS = {
 
 @pytest.mark.parametrize(
     ("units", "crowd", "kind"),
-    crossed(UNITS, [0, CROWD], KINDS,
-            fast=lambda units, crowd, kind: kind == "undamped" and not crowd),
+    # Modes of a crowd with dampers, which take seconds, in those units that are farthest apart.
+    some([(units, crowd, kind) for units in UNITS for crowd in (0, CROWD) for kind in KINDS
+          if not crowd or kind != "dashpots" or units in ("light and stiff", "heavy")],
+         lambda units, crowd, kind: kind == "undamped" and not crowd),
 )  # fmt: skip
 def test_units(tmp_path, units, crowd, kind):
     """The same model in other units, and half of the unknowns besides by 10⁵, as rotations beside translations: λ
@@ -175,14 +177,15 @@ def test_units(tmp_path, units, crowd, kind):
     M, K, F = (D @ A @ D for A in sites(n, 1, crowd))
     factor = {"mass": m, "damping": c, "stiffness": k}
     terms = [(role, matrix * factor[role], *more) for role, matrix, *more in terms_of(M, K, F, kind)]
-    result = run(tmp_path, terms, {"mu": 0.0}, "mu", 0, 0.9, 4, 2 * n)
+    result = run(tmp_path, terms, {"mu": 0.0}, "mu", 0, 0.9, 3, 2 * n)
     check(result, n, kind, rate=np.sqrt(k / m))
 
 
 @pytest.mark.parametrize(
     ("crowd", "kind", "penalty"),
-    crossed([0, CROWD], KINDS, [1e14, 1e20, 1e36],
-            fast=lambda crowd, k, p: p == 1e36 and (not crowd or k == "undamped")),
+    some([(crowd, kind, p) for crowd in (0, CROWD) for kind in KINDS for p in (1e14, 1e20, 1e36)
+          if not crowd or kind != "dashpots" or p != 1e20],
+         lambda crowd, k, p: p == 1e36 and (not crowd or k == "undamped")),
 )  # fmt: skip
 def test_penalties(tmp_path, crowd, kind, penalty):
     """Unknowns fixed by penalties, 10³⁶ in one common code: shifts and pivots relative to the largest entry are blind
@@ -191,7 +194,7 @@ def test_penalties(tmp_path, crowd, kind, penalty):
     M, K, F = sites(n + 2, 1, crowd)
     ends = np.r_[0, 1, 2 * n + 2, 2 * n + 3]
     K = sp.csr_array(K + sp.csr_array((np.full(4, penalty), (ends, ends)), shape=K.shape))
-    result = run(tmp_path, terms_of(M, K, F, kind), {"mu": 0.0}, "mu", 0, 0.9, 4, 2 * n)
+    result = run(tmp_path, terms_of(M, K, F, kind), {"mu": 0.0}, "mu", 0, 0.9, 3, 2 * n)
     check(result, n, kind)
 
 

@@ -118,9 +118,10 @@ def test_damped_pad_held_by_friction_alone(method, effects):
     }[effects]  # fmt: skip
     lining = {"lining": {**LINING, "loss_factor": 0.02 if effects == "loss" else 0.0}}
     contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": SOFT, "sliding": BELT}
-    mesh = box("hex2", (6, 4, 2), SIDES, (-SIDES[0] / 2, -SIDES[1] / 2, 0.0))
+    mesh = box("hex2", (4, 2, 2), SIDES, (-SIDES[0] / 2, -SIDES[1] / 2, 0.0))
     problem = make_problem(mesh, materials=lining, contacts=[contact], effects={"friction": {"mu": 0.3}, **more})
-    result = fe_squeal.sweep(problem, [0.2, 0.25, 0.3], modes=8, method=method)
+    assert problem.unknowns > DENSE_LIMIT
+    result = fe_squeal.sweep(problem, [0.2, 0.3], modes=8, method=method)
     assert "3 of the modes are rigid motions" in result.warnings[0]
     for point in result.points:
         lam = point.modes.lam
@@ -145,7 +146,7 @@ def test_free_motions_that_friction_begins_to_damp():
 
 
 @pytest.mark.parametrize("rayleigh", [(20.0, 0.0), (20.0, 1e-8), (0.0, 1e-8)])
-@pytest.mark.parametrize("cells", some([2, 4], lambda cells: cells == 2))
+@pytest.mark.parametrize("cells", some([2, 3], lambda cells: cells == 2))
 def test_free_body_with_damping(record, cells, rayleigh):
     """Six zeros, double and defective unless α damps them; then six times −α besides. Rounding makes complex pairs
     −α ± 1e-6 i and ±1e-3 i of equal real eigenvalues, and the upper half plane holds four, eight or eleven."""
@@ -183,7 +184,8 @@ def test_mechanism(record):
 
 @pytest.mark.parametrize(
     ("away", "kind"),
-    crossed([0.0, 1e-15, 1e-10], ["undamped", "friction", "dashpots"], fast=lambda a, k: k != "dashpots"),
+    some([*((a, k) for a in (0.0, 1e-15, 1e-10) for k in ("undamped", "friction")), (0.0, "dashpots"),
+          (1e-10, "dashpots")], lambda a, k: k != "dashpots"),
 )
 def test_shift_on_an_eigenvalue(record, kind, away):
     """The shift inside the band is an eigenvalue, so that the shifted matrix is singular: here a divergence at exactly
