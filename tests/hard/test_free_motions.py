@@ -79,18 +79,18 @@ def all_of(pencil):
 @pytest.mark.parametrize(
     ("n", "kind", "stiffness"),
     crossed(
-        [12, 150], KINDS, ["symmetric", "friction", "loss"],
+        [12, 134], KINDS, ["symmetric", "friction", "loss"],
         fast=lambda n, kind, stiffness: n == 12 or (kind, stiffness) == ("rayleigh", "friction"),
     ),
 )  # fmt: skip
 def test_zeros_are_as_many_as_free_motions(monkeypatch, n, kind, stiffness):
     """Three zeros, whatever holds them or not, from any start vector; all other modes are those of LAPACK."""
     pencil = pencil_of(kind, stiffness, n)
-    assert (pencil.n > DENSE_LIMIT) == (n == 150)
+    assert (pencil.n > DENSE_LIMIT) == (n == 134)
     every = all_of(pencil)
     # A zero of multiplicity two, the residual of which is rounding, lies within its root.
     other = every[np.abs(every) > 1e-5]
-    for seed in (1, 2, 3) if n == 150 else (1,):
+    for seed in (1, 2) if n == 134 else (1,):
         monkeypatch.setattr(shift_invert, "_SEED", seed)
         monkeypatch.setattr(kernel, "_SEED", seed)
         modes = solve_modes(pencil, Request(count=12))
@@ -130,7 +130,7 @@ def test_split_off_states_are_invariant_and_complete(kind, stiffness):
 
 def test_what_is_given_is_taken(monkeypatch):
     """Motions that are handed over are not looked for; a problem that holds all of them pays for nothing."""
-    pencil = pencil_of("rayleigh", "symmetric", 150)
+    pencil = pencil_of("rayleigh", "symmetric", 134)
     held = Pencil(pencil.M, sp.csr_array(pencil.K + 1e-3 * pencil.M), pencil.C, True, free=FreeMotions.none(pencil.n))
     monkeypatch.setattr(kernel, "factorize", None)
     modes = solve_modes(held, Request(count=6))
@@ -140,8 +140,8 @@ def test_what_is_given_is_taken(monkeypatch):
 @pytest.mark.parametrize("soft", [1e-3, 1e-6, 1e-9])
 def test_a_soft_hold_is_no_free_motion(soft):
     """A spring far softer than the chain holds it: the mode is slow, not zero, as long as rounding does not hide it."""
-    pencil = pencil_of("none", "symmetric", 150)
-    K = sp.csr_array(pencil.K + sum(single(pencil.n, 150 * i + 3, 150 * i + 3, soft) for i in range(CHAINS)))
+    pencil = pencil_of("none", "symmetric", 134)
+    K = sp.csr_array(pencil.K + sum(single(pencil.n, 134 * i + 3, 134 * i + 3, soft) for i in range(CHAINS)))
     modes = solve_modes(Pencil(pencil.M, K, symmetric=True), Request(count=6))
     assert (modes.lam != 0).all()
     mass = pencil.M.diagonal().reshape(CHAINS, -1).sum(axis=1)
