@@ -99,7 +99,8 @@ def test_inertia_of_a_ring():
     np.testing.assert_allclose(R.T @ (M @ R), expected, atol=3e-5 * expected.max())
 
 
-@pytest.mark.parametrize(("name", "order"), some(ORDERS, lambda _, order: order < 3))
+# The slowest are of order 3; of the two that have curved cells, one.
+@pytest.mark.parametrize(("name", "order"), some([o for o in ORDERS if o != ("ring", 3)], lambda _, order: order < 3))
 def test_same_matrices_as_scikit_fem(name, order):
     """skfem.models.elasticity with a vector element on the same quadrature: equal to rounding, 1e-12.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
@@ -23,6 +24,7 @@ print(json.dumps([seeds, changed, named["has_pardiso"][0]()]))
 """
 
 
+@functools.cache
 def _package(**variables: str) -> tuple[dict[str, int], dict[str, list[bool]], bool]:
     """Return what a program that tests start sees of the package."""
     none = dict.fromkeys((SEED, SHUFFLE, SOLVER), "")
