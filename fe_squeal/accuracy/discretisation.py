@@ -179,6 +179,7 @@ def _bars(
     values = point.modes.lam + moved
     values = np.where(balanced, 1j * values.imag, values)
     values.imag = np.where(point.modes.lam.imag > 0, np.maximum(values.imag, 0.0), values.imag)  # frequencies
+    values.imag[further[modes].imag == 0] = 0.0  # of what does not swing, whatever λ differ by in the sweep's basis
     beyond_bars = re + 1j * np.maximum(im, bent[1].imag)
     return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 

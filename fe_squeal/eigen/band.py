@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NotConvergedError
+from .found_pairs import FoundPairs
 from .free_modes import FreeModes, split_off
 from .growth import with_damping
 from .inertia import count_below
@@ -51,16 +52,16 @@ def band_modes(
     NotConvergedError
         If the range is not covered; `partial` has the modes found.
     """
-    known, count, limit = KnownBand(pencil, free, linear_solver), request.count, np.inf
+    known, count, limit = KnownBand(FoundPairs(pencil), free, linear_solver), request.count, np.inf
     if request.max_frequency_hz is not None:
         band = limit = 2 * np.pi * request.max_frequency_hz * (1 + _BEYOND)
     expected = count or expected or count_below(symmetric_part(pencil), band, linear_solver)
     known.cover(0.0, band, expected or 20)
-    found = np.count_nonzero(known.lam.imag <= band) + (0 if free is None else np.count_nonzero(free.lam == 0))
+    found = np.count_nonzero(known.found.lam.imag <= band) + (0 if free is None else np.count_nonzero(free.lam == 0))
     if count is None and expected and found < expected:  # overdamped ones, or far below the highest frequency
         full = _occupied(pencil, band, linear_solver)
         if full < band:
-            known = KnownBand(pencil, free, linear_solver)
+            known = KnownBand(FoundPairs(pencil), free, linear_solver)
             known.cover(0.0, full, expected)
         while full < band:  # where gyroscopic terms or friction may have taken some of them
             full, start = min(full / _EMPTY, band), full
@@ -80,9 +81,9 @@ def band_modes(
         step = float(np.clip(1.3 * (missing + 2) / density, 0.05 * top, top))
         # How dense modes are says nothing any more where a step has found none.
         band, expected = (2 * top, min(missing, _ONE_DISC)) if barren else (top + step, missing)
-        before = len(known.lam)
+        before = len(known.found)
         known.cover(top, band, expected + 4)
-        barren = barren + 1 if len(known.lam) == before else 0
+        barren = barren + 1 if len(known.found) == before else 0
     end = float(wanted.lam.imag.max(initial=0.0)) or top
     known.add_copies(end * (1 + _BEYOND))
     if end < limit <= _WIDE * end:
@@ -149,21 +150,22 @@ def with_far_growth(
     damped = with_damping(pencil)
     if free is not None:  # of which λ = 0 has velocities, too
         free = split_off(damped, linear_solver)
-    known = KnownBand(damped, free, linear_solver, modes.lam, modes.right, modes.left, method=modes.method)
+    pairs = FoundPairs(damped, modes.lam, modes.right, modes.left)
+    known = KnownBand(pairs, free, linear_solver, method=modes.method)
     if not whole and not known.add_beside(limit):
         known.add_aslant(limit)
     if pencil.is_complex and pencil.C is not None:
         known.add_end(limit)
     known.add_far(limit)
-    assert known.right is not None and known.left is not None
-    far = np.flatnonzero((np.arange(len(known.lam)) >= len(modes)) & (known.lam.imag <= limit * (1 + _BEYOND)))
+    assert pairs.right is not None and pairs.left is not None
+    far = np.flatnonzero((np.arange(len(pairs)) >= len(modes)) & (pairs.lam.imag <= limit * (1 + _BEYOND)))
     # Copies of multiple eigenvalues that one start vector has not shown are among them, however they grow or decay.
-    far = far[is_light(known.lam[far]) | grow_below(pencil, known.lam[far]) | _are_copies(known.lam[far], modes.lam)]
-    far = far[~_known_zeros(damped, modes, free, known.lam[far], known.right[:, far])]
+    far = far[is_light(pairs.lam[far]) | grow_below(pencil, pairs.lam[far]) | _are_copies(pairs.lam[far], modes.lam)]
+    far = far[~_known_zeros(damped, modes, free, pairs.lam[far], pairs.right[:, far])]
     modes = replace(modes, unsearched=modes.unsearched.joined(known.unsearched))
     if not len(far):
         return modes
-    lam, right, left = known.lam[far], known.right[:, far], known.left[:, far]
+    lam, right, left = pairs.lam[far], pairs.right[:, far], pairs.left[:, far]
     if pencil.C is not None:
         return together(modes, modes_from_lambda(pencil, lam, right, left, known.method, known=modes.lam))
     theta = -(lam**2)
@@ -245,13 +247,13 @@ def count_beside(
     top : float, rad/s
         The frequency; no mode is near it.
     """
-    known = KnownBand(pencil, free, linear_solver, modes.lam, modes.right, modes.left)
+    known = KnownBand(FoundPairs(pencil, modes.lam, modes.right, modes.left), free, linear_solver)
     try:
         if not known.add_beside(top):
             return None
     except NotConvergedError:
         return None
-    assert known.right is not None
-    lam, right = known.lam[len(modes) :], known.right[:, len(modes) :]
+    assert known.found.right is not None
+    lam, right = known.found.lam[len(modes) :], known.found.right[:, len(modes) :]
     light = (lam.imag > 0) & (lam.imag <= top) & (lam.real > -LIGHT * lam.imag)
     return int(np.count_nonzero(light | ((lam.imag == 0) & (lam.real > rounding_of_zero(pencil, lam, right)))))

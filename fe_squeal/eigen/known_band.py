@@ -11,17 +11,16 @@ import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from ..errors import NotConvergedError
 from .both_sides import pairs_within
 from .disc import BLOCK
-from .free_modes import FreeModes, States
+from .found_pairs import SAME, FoundPairs
+from .free_modes import FreeModes
 from .growth import may_grow, whirls
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
-from .pencil import Modes, Pencil
-from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
+from .pencil import Modes
 from .shift import BEHIND, LIGHT, light_tilt
 from .shift_invert import ShiftInverted
 from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, TILTED, Unsearched
@@ -35,10 +34,6 @@ _TILT = 0.15  # |Re λ| / Im λ up to which a disc reaches as far as it is meant
 _TOUCHING = 0.97  # of a shift: a disc with this radius holds no real eigenvalue
 _OVERLAP = 1.02  # times the ends of a range: discs overlap by so much
 _SLIVER = 1e-3  # of the band: creeping motions may crowd so near zero that no disc reaches farther down than this
-_ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
-# Of |λ|, and times their uncertainty, by which rounding parts those of a defective eigenvalue: eigenvalues of two discs
-# that are closer are one.
-_SAME, _BLUR = 1e-7, 4
 _GROWING, _NARROW = 0.56, 0.8  # of a real λ: the shift around which growth up to it is looked for; of that: the radius
 _SHOWN = 100.0  # a growing mode is found even if the random start has so many times less of it than of others
 _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in a crowd
@@ -61,6 +56,8 @@ class KnownBand:
 
     Attributes
     ----------
+    found : FoundPairs
+        The eigenpairs, among them those that are known from the start.
     top, low : float, rad/s
         All eigenvalues between these are known once a range is covered; nothing is known below `low`.
     near : float, rad/s
@@ -71,12 +68,9 @@ class KnownBand:
         Overdamped modes are so many that only some of them are known.
     """
 
-    pencil: Pencil
+    found: FoundPairs
     free: FreeModes | None
     linear_solver: LinearSolver | str
-    lam: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
-    right: np.ndarray | None = None
-    left: np.ndarray | None = None
     top: float = 0.0
     low: float = 0.0
     near: float = 0.0
@@ -87,11 +81,6 @@ class KnownBand:
     _modes: Modes | None = None
     _planned: int = 0  # discs that ranges so far were divided into
     _lit: list[tuple[float, float]] = field(default_factory=list)  # rad/s: where all modes up to `LIGHT` are known
-    _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
-
-    def __post_init__(self) -> None:
-        """Take those that were given as exact."""
-        self._errors = np.zeros(len(self.lam))
 
     def cover(self, start: float, end: float, expected: int) -> None:
         """Find the eigenvalues with Im λ between two frequencies, rad/s, of which about so many are expected.
@@ -108,8 +97,8 @@ class KnownBand:
         while todo:
             a, b, share = todo.pop()
             if self.discs >= _DISCS + 2 * self._planned:
-                raise NotConvergedError(f"{len(self.lam)} modes found, the range is still not covered", self.modes())
-            known = len(self.lam)
+                raise NotConvergedError(f"{len(self.found)} modes found, the range is still not covered", self.modes())
+            known = len(self.found)
             low, high = self._around(a, b, share)
             if not low < high:
                 if b > 2 * _SLIVER * self.top:
@@ -117,7 +106,7 @@ class KnownBand:
                 else:  # overdamped modes crowd at zero, and nothing that stands apart is nearer
                     self.near = max(self.near, b)
                 continue
-            density = (len(self.lam) - known) / (high - low)
+            density = (len(self.found) - known) / (high - low)
             if low <= b:
                 self.top = max(self.top, high)
             if high < b:
@@ -136,7 +125,7 @@ class KnownBand:
             radius = _TOUCHING * omega
         sigma, known = self._disc(1j * omega, radius, expected)
         self._lit.append(_on_ray(abs(sigma), known, LIGHT))
-        near = self.lam[np.abs(self.lam - sigma) <= known]
+        near = self.found.lam[np.abs(self.found.lam - sigma) <= known]
         whole = _on_ray(abs(sigma), known, light_tilt(near))
         if whole[0] < whole[1]:
             return whole
@@ -207,9 +196,9 @@ class KnownBand:
         searched : bool
             Whether what gyroscopic terms may do was looked for already.
         """
-        always = not searched and whirls(self.pencil, rate)
+        always = not searched and whirls(self.found.pencil, rate)
         for _ in range(_FARTHER):
-            grows = may_grow(self.pencil, rate, self.linear_solver)
+            grows = may_grow(self.found.pencil, rate, self.linear_solver)
             if grows is not False or always:
                 if not self.add_growing(_FAR * rate, rate):
                     return
@@ -243,19 +232,20 @@ class KnownBand:
         NotConvergedError
             If there is no end of them; `partial` has the modes found.
         """
-        values = self.lam[is_light(self.lam) & (self.lam.imag <= top)]
+        values = self.found.lam[is_light(self.found.lam) & (self.found.lam.imag <= top)]
         while len(values):
             value = values[0]
-            same = np.abs(values - value) <= _SAME * np.abs(value)
+            same = np.abs(values - value) <= SAME * np.abs(value)
             values, found = values[~same], np.count_nonzero(same)
             for _ in range(_DISCS):
                 if found < BLOCK:
                     break
-                before = len(self.lam)
+                before = len(self.found)
                 self._disc(value * (1 + _NEAR), 2 * _NEAR * abs(value), None)
-                found = BLOCK * np.count_nonzero(np.abs(self.lam[before:] - value) <= _SAME * np.abs(value))
+                found = BLOCK * np.count_nonzero(np.abs(self.found.lam[before:] - value) <= SAME * np.abs(value))
             else:
-                raise NotConvergedError(f"there are more than {len(self.lam)} modes, many of them equal", self.modes())
+                number = len(self.found)
+                raise NotConvergedError(f"there are more than {number} modes, many of them equal", self.modes())
 
     def add_beside(self, top: float) -> bool:
         """Add what is beside the known modes in a disc that reaches up to i·top, and return whether that is all.
@@ -270,11 +260,11 @@ class KnownBand:
             If there is no end of them; `partial` has the modes found.
         """
         for _ in range(_DISCS):
-            before = len(self.lam)
+            before = len(self.found)
             sigma, known = self._disc(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top, None)
-            if not is_light(self.lam[before:]).any():
+            if not is_light(self.found.lam[before:]).any():
                 return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
-        raise NotConvergedError(f"{len(self.lam)} modes found, and there are still others beside them", self.modes())
+        raise NotConvergedError(f"{len(self.found)} modes found, and there are still others beside them", self.modes())
 
     def _disc(
         self, sigma: complex, radius: float, expected: float | None, growing: bool = False
@@ -290,15 +280,15 @@ class KnownBand:
         """
         most, out, restarts, draw, needed, least = _FEW, None, 0, 0, None, 0
         if expected is None:
-            out, draw, needed = self._states(), len(self.lam), is_light
+            out, draw, needed = self.found.states(), len(self.found), is_light
         else:
             most, restarts = int(_MOST * expected) + _FULL, _RESTARTS
         if growing:
-            least = BLOCK * enough_steps(self.pencil.n, radius / abs(sigma))
+            least = BLOCK * enough_steps(self.found.pencil.n, radius / abs(sigma))
         for _ in range(_MOVES):
             self.discs += 1
             try:
-                operator = ShiftInverted(self.pencil, sigma, self.free, self.linear_solver, out)
+                operator = ShiftInverted(self.found.pencil, sigma, self.free, self.linear_solver, out)
                 lam, right, left, known = pairs_within(operator, radius, most, restarts, draw, needed, least)
             except SingularError:
                 sigma *= _MOVE
@@ -308,9 +298,11 @@ class KnownBand:
                 continue
             self.method = self.method or f"block Krylov-Schur in discs, {operator.linear_solver.name}"
             if growing:
-                here = lam.real > rounding_of_zero(self.pencil, lam, right)
+                here = lam.real > rounding_of_zero(self.found.pencil, lam, right)
                 lam, right, left = lam[here], right[:, here], left[:, here]
-            self._add(lam, right, left, out is None)
+            if len(lam):
+                self._modes = None
+            self.found.add(lam, right, left, out is None)
             return sigma, known
         return sigma, 0.0
 
@@ -318,76 +310,12 @@ class KnownBand:
         """Note a kind of modes that is not looked for everywhere."""
         self.unsearched = self.unsearched.joined(Unsearched((kind,)))
 
-    def _states(self) -> tuple[States, States] | None:
-        """Return states that span those of all known modes, of the problem and of the adjoint one.
-
-        Of a real pencil they are real. With a complex K −λ is an eigenvalue, too, if C is zero.
-        """
-        if self.right is None or self.left is None:
-            return None
-        if self.pencil.is_complex:
-            own, other = self.right * self.lam, self.left * self.lam.conj()
-            if self.pencil.C is not None and self.pencil.C.count_nonzero():
-                moves = self.lam != 0  # free motions are taken out anyway
-                return (self.right[:, moves], own[:, moves]), (self.left[:, moves], other[:, moves])
-            twice = np.hstack([self.right, self.right]), np.hstack([self.left, self.left])
-            return (twice[0], np.hstack([own, -own])), (twice[1], np.hstack([other, -other]))
-        upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway
-        real = self.lam[upper].imag == 0
-
-        def spanned(u: np.ndarray, lam: np.ndarray) -> States:
-            # The vector of a real eigenvalue is real but for a factor.
-            u = np.where(real, u / u[np.abs(u).argmax(axis=0), np.arange(len(lam))], u)
-            velocity = u * lam
-            return np.hstack([u.real, u.imag[:, ~real]]), np.hstack([velocity.real, velocity.imag[:, ~real]])
-
-        lam = self.lam[upper]
-        return spanned(self.right[:, upper], lam), spanned(self.left[:, upper], lam.conj())
-
-    def _add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray, mixed: bool) -> None:
-        """Add eigenpairs that are not known yet.
-
-        Parameters
-        ----------
-        mixed : bool
-            Whether known ones may be among them. Where these were taken out, an equal eigenvalue is another copy of it.
-        """
-        if len(lam):
-            self._modes = None
-        lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
-        errors = eigenvalue_errors(self.pencil, lam, right, left)
-        if self.right is None or self.left is None:
-            self.lam, self.right, self.left, self._errors = lam, right, left, errors
-            return
-        new = np.ones(len(lam), bool)
-        if mixed and len(self.lam) and len(lam):
-            # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
-            apart = np.abs(self.lam[:, None] - lam[None, :])
-            blurred = _BLUR * np.minimum(self._errors[:, None], errors)  # two images of one are blurred alike
-            near = apart <= np.maximum(_SAME * np.abs(lam), blurred)
-            i, j = linear_sum_assignment(np.where(near, apart, 1e3 * np.abs(lam).max()))
-            new[j[near[i, j]]] = False
-        self.lam = np.concatenate([self.lam, lam[new]])
-        self._errors = np.concatenate([self._errors, errors[new]])
-        self.right = np.hstack([self.right, right[:, new]])
-        self.left = np.hstack([self.left, left[:, new]])
-
     def modes(self) -> Modes:
         """Return the modes found, those of free motions among them."""
         if self._modes is None:
-            self._modes = self._made()
+            self._modes = self.found.modes(self.free)
         unsearched = self.unsearched.joined(Unsearched(low=self.low))  # which may have grown since
         return replace(self._modes, method=self.method, unsearched=unsearched)
-
-    def _made(self) -> Modes:
-        n = self.pencil.n
-        lam = self.lam
-        right, left = (np.zeros((n, 0)) if u is None else u for u in (self.right, self.left))
-        upper = in_upper_half(self.pencil, lam)
-        lam, right, left = lam[upper], right[:, upper], left[:, upper]
-        if self.free is not None:
-            lam, right, left = self.free.beside(lam, right, left)
-        return modes_from_lambda(self.pencil, lam, right, left, "")
 
 
 def is_light(lam: np.ndarray) -> np.ndarray:

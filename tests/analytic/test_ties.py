@@ -207,10 +207,12 @@ def blocks_pinned(pinned, **rigid):
     """Two blocks side by side, the first one clamped, with corners (y, z) of the faces that touch made rigid: first
     those of the first block, then those of the other one."""
     mesh = join(box("hex1", (2, 1, 1), SIZE, name="a"), box("hex1", (2, 1, 1), SIZE, (SIZE[0], 0, 0), name="b"))
-    own = np.arange(mesh.nvertices) * 2 // mesh.nvertices
+    loaded = fe_squeal.from_skfem(mesh)
+    mesh = loaded.mesh
+    own = np.isin(np.arange(mesh.nvertices), mesh.t[:, mesh.subdomains["b"]])
     corner = [(i, SIZE[0], SIZE[1] * y, SIZE[2] * z) for i, side in enumerate(pinned) for y, z in side]
     nodes = np.sort([np.abs(np.vstack([own, mesh.p]).T - c).sum(axis=1).argmin() for c in corner])
-    loaded = replace(fe_squeal.from_skfem(mesh), node_groups={"PIN": NodeSet(nodes, nodes)})
+    loaded = replace(loaded, node_groups={"PIN": NodeSet(nodes, nodes)})
     scene = {"mesh": {"file": "none.msh", "order": 1}, "materials": {"steel": STEEL},
              "bodies": {name: {"material": "steel"} for name in "ab"},
              "supports": [{"surface": "left_a", "fixed": "xyz"}],

@@ -9,6 +9,7 @@ from selection import some
 
 from fe_squeal.eigen import band, known_band
 from fe_squeal.eigen.band import band_modes, count_beside
+from fe_squeal.eigen.found_pairs import FoundPairs
 from fe_squeal.eigen.free_modes import split_off
 from fe_squeal.eigen.inertia import count_below
 from fe_squeal.eigen.known_band import KnownBand
@@ -193,9 +194,10 @@ def test_modes_just_above_the_band_do_not_stand_for_slow_ones_in_it():
 def test_a_range_of_many_modes_has_as_many_discs_as_it_needs(monkeypatch):
     """With a limit of 3 beside those that are planned, a range that is divided into 5 is covered."""
     monkeypatch.setattr(known_band, "_DISCS", 3)
-    known = KnownBand(mixed(np.ones(N), np.full(N, 0.002), np.linspace(0.05, 6.0, N) ** 2), None, "auto")
+    pencil = mixed(np.ones(N), np.full(N, 0.002), np.linspace(0.05, 6.0, N) ** 2)
+    known = KnownBand(FoundPairs(pencil), None, "auto")
     known.cover(0.0, 2.0, 164)
-    assert known.discs > 3 and np.count_nonzero((known.lam.imag > 0) & (known.lam.imag <= 2.0)) >= 160
+    assert known.discs > 3 and np.count_nonzero((known.found.lam.imag > 0) & (known.found.lam.imag <= 2.0)) >= 160
 
 
 @pytest.mark.parametrize("eta", [0.0, 1e-6])

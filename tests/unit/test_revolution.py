@@ -148,9 +148,10 @@ def test_what_holds_a_rotating_body_goes_around_the_axis(kind, n):
 
 def held_on(mesh, places):
     """The disc, held on the nodes at these places (k, 3)."""
-    nodes = np.unique([np.linalg.norm(mesh.p.T - x, axis=1).argmin() for x in places])
+    loaded = fe_squeal.from_skfem(mesh)
+    nodes = np.unique([np.linalg.norm(loaded.mesh.p.T - x, axis=1).argmin() for x in places])
     assert len(nodes) == len(places)
-    loaded = replace(fe_squeal.from_skfem(mesh), node_groups={"SET": NodeSet(nodes, nodes)})
+    loaded = replace(loaded, node_groups={"SET": NodeSet(nodes, nodes)})
     scene = {"mesh": {"file": "none.msh", "order": 1}, "materials": {"steel": STEEL}, "bodies": {"disc": {
         "material": "steel"}}, "supports": [{"nodes": "SET", "fixed": "xyz"}], "effects": ROTATION}  # fmt: skip
     return fe_squeal.assemble(fe_squeal.parse_scene(scene), loaded)

@@ -1,0 +1,106 @@
+"""The eigenpairs that one search after the other has found, of which none is listed twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from .free_modes import FreeModes, States
+from .pencil import Modes, Pencil
+from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
+
+_ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
+SAME = 1e-7  # of |λ|: eigenvalues of two searches that are closer are one
+_BLUR = 4  # times the errors by which rounding parts the two images of a defective eigenvalue: closer ones are one
+
+
+@dataclass
+class FoundPairs:
+    """Eigenpairs of a pencil in both half planes; those that are given from the start count as exact.
+
+    Attributes
+    ----------
+    lam : (k,) complex, rad/s
+    right, left : (n, k) complex, or None as long as there are none
+    """
+
+    pencil: Pencil
+    lam: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
+    right: np.ndarray | None = None
+    left: np.ndarray | None = None
+    _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
+
+    def __post_init__(self) -> None:
+        """Take those that were given as exact."""
+        self._errors = np.zeros(len(self.lam))
+
+    def __len__(self) -> int:
+        """Return the number of eigenpairs."""
+        return len(self.lam)
+
+    def add(self, lam: np.ndarray, right: np.ndarray, left: np.ndarray, mixed: bool) -> None:
+        """Add eigenpairs that are not known yet.
+
+        Parameters
+        ----------
+        lam : (m,) complex, rad/s
+        right, left : (n, m) complex
+        mixed : bool
+            Whether known ones may be among them. Where these were taken out, an equal eigenvalue is another copy of it.
+        """
+        lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
+        errors = eigenvalue_errors(self.pencil, lam, right, left)
+        if self.right is None or self.left is None:
+            self.lam, self.right, self.left, self._errors = lam, right, left, errors
+            return
+        new = np.ones(len(lam), bool)
+        if mixed and len(self.lam) and len(lam):
+            # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
+            apart = np.abs(self.lam[:, None] - lam[None, :])
+            blurred = _BLUR * np.minimum(self._errors[:, None], errors)  # two images of one are blurred alike
+            near = apart <= np.maximum(SAME * np.abs(lam), blurred)
+            i, j = linear_sum_assignment(np.where(near, apart, 1e3 * np.abs(lam).max()))
+            new[j[near[i, j]]] = False
+        self.lam = np.concatenate([self.lam, lam[new]])
+        self._errors = np.concatenate([self._errors, errors[new]])
+        self.right = np.hstack([self.right, right[:, new]])
+        self.left = np.hstack([self.left, left[:, new]])
+
+    def states(self) -> tuple[States, States] | None:
+        """Return states that span those of all known modes, of the problem and of the adjoint one.
+
+        Of a real pencil they are real. With a complex K −λ is an eigenvalue, too, if C is zero.
+        """
+        if self.right is None or self.left is None:
+            return None
+        if self.pencil.is_complex:
+            own, other = self.right * self.lam, self.left * self.lam.conj()
+            if self.pencil.C is not None and self.pencil.C.count_nonzero():
+                moves = self.lam != 0  # free motions are taken out anyway
+                return (self.right[:, moves], own[:, moves]), (self.left[:, moves], other[:, moves])
+            twice = np.hstack([self.right, self.right]), np.hstack([self.left, self.left])
+            return (twice[0], np.hstack([own, -own])), (twice[1], np.hstack([other, -other]))
+        upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway
+        real = self.lam[upper].imag == 0
+
+        def spanned(u: np.ndarray, lam: np.ndarray) -> States:
+            # The vector of a real eigenvalue is real but for a factor.
+            u = np.where(real, u / u[np.abs(u).argmax(axis=0), np.arange(len(lam))], u)
+            velocity = u * lam
+            return np.hstack([u.real, u.imag[:, ~real]]), np.hstack([velocity.real, velocity.imag[:, ~real]])
+
+        lam = self.lam[upper]
+        return spanned(self.right[:, upper], lam), spanned(self.left[:, upper], lam.conj())
+
+    def modes(self, free: FreeModes | None) -> Modes:
+        """Return the modes of the upper half plane, with those of free motions among them."""
+        n = self.pencil.n
+        lam = self.lam
+        right, left = (np.zeros((n, 0)) if u is None else u for u in (self.right, self.left))
+        upper = in_upper_half(self.pencil, lam)
+        lam, right, left = lam[upper], right[:, upper], left[:, upper]
+        if free is not None:
+            lam, right, left = free.beside(lam, right, left)
+        return modes_from_lambda(self.pencil, lam, right, left, "")
