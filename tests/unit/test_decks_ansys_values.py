@@ -220,6 +220,14 @@ def test_later_key_options_count_before_those_of_etblock(tmp_path):
     assert "kind" not in contact
 
 
+def test_key_options_in_et_itself(tmp_path):
+    """ET has the first six as fields of its own; one of KEYOP behind it counts before them."""
+    (by_mpc,) = values(drafted(tmp_path, ("ET,2,174", "  et,2,CONTA174,,2")), "contacts")
+    assert by_mpc["kind"] == "tied"
+    (sliding,) = values(drafted(tmp_path, ("ET,2,174", "ET,2,174,,2\nKEYOP,2,2,0")), "contacts")
+    assert "kind" not in sliding
+
+
 def test_types_of_mapdl_archive_itself_are_read(tmp_path):
     """It writes the rows of ETBLOCK with single blanks, whatever the format says."""
     head = "ETBLOCK,        4,        4\n(2i9,19a9)\n"

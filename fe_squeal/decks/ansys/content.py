@@ -15,6 +15,7 @@ from ..draft import Draft
 from ..units import SI, Units
 
 Line = tuple[list[str], str]  # fields in capitals, and where they stand
+_OPTIONS_OF_ET = 6  # key options KOP1 … KOP6 behind the kind of the elements (Mechanical APDL command reference, ET)
 
 
 @dataclass
@@ -58,14 +59,18 @@ class Content:
 def commands(lines: Sequence[str]) -> list[Line]:
     """Return the commands among the lines of an archive, without comments; for ETBLOCK and the like those of its rows.
 
-    A block that is not read stands for itself.
+    ET with key options (its fields behind the kind of the elements) is followed by a KEYOP for each of them. A block
+    that is not read stands for itself.
     """
     found = []
     for i, line in enumerate(lines):
         if line.strip()[:1].isalpha():
             rows = commands_of_block(lines, i)
-            given = [(i + 1, fields_of(line))] if rows is None else rows
-            found += [(fields, f"line {number}") for number, fields in given]
+            for number, fields in [(i + 1, fields_of(line))] if rows is None else rows:
+                found.append((fields, where := f"line {number}"))
+                if fields[0] == "ET":
+                    options = enumerate(fields[3 : 3 + _OPTIONS_OF_ET], 1)
+                    found += [(["KEYOP", fields[1], str(key), value], where) for key, value in options if value]
     return found
 
 

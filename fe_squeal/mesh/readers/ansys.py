@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..elements import QUADRATIC
 from ..raw import CellBlock, Ints, RawMesh, check_unique_nodes, rows_of
 from .ansys_archive import Archive, read_apart
 from .ansys_faces import FIRST, LABEL, contact_surfaces, pressure_surfaces
+from .ansys_forms import element_types
 from .sources import Sources
 
 _NODES = {185: 8, 186: 20, 187: 10, 285: 4}  # number of nodes of each kind of solid that is read
@@ -30,13 +32,14 @@ def read_archive(sources: Sources) -> Archive:
     MeshError
         The file has no nodes or elements, is damaged, or mapdl-archive is not installed.
     """
-    source = sources.path.name
-    if not any(line.upper().startswith("NBLOCK") for line in text_of(sources)):
+    source, lines = sources.path.name, text_of(sources)
+    if not any(line.upper().startswith("NBLOCK") for line in lines):
         raise MeshError(f"{source}: no NBLOCK; expected an Ansys archive as CDWRITE,DB writes it")
     archive = read_apart(sources.path)
     if not len(archive.nodes) or archive.elem.shape[1] <= FIRST:
         raise MeshError(f"{source}: no nodes or no elements; expected an archive of solids, as CDWRITE,DB writes it")
-    return archive
+    types = {int(number): int(kind) for number, kind in archive.ekey} | element_types(lines)
+    return replace(archive, ekey=np.array(list(types.items()), dtype=np.int64).reshape(-1, 2))
 
 
 def read_ansys(sources: Sources) -> RawMesh:

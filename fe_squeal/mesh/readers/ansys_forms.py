@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import accumulate
 
@@ -21,6 +22,25 @@ def is_release(field: str) -> bool:
 def fields_of(line: str) -> list[str]:
     """Return the fields of a command in capitals, without its comment."""
     return [part.strip().upper() for part in line.partition("!")[0].split(",")]
+
+
+def element_types(lines: Sequence[str]) -> dict[int, int]:
+    """Return the kinds of elements by the numbers of their types, as commands ET define them.
+
+    mapdl-archive passes over those that are indented, have key options, or name the kind (CONTA174) instead of its
+    number.
+
+    Examples
+    --------
+    >>> element_types([" et,2,CONTA174,,2  ! MPC", "ET,3,170", "ET,4,%kind%"])
+    {2: 174, 3: 170}
+    """
+    found = {}
+    for fields in map(fields_of, lines):
+        command = re.match(r"ET,(\d+),[A-Z]*(\d+)(,|$)", ",".join(fields))
+        if command:
+            found[int(command[1])] = int(command[2])
+    return found
 
 
 def commands_of_block(lines: Sequence[str], first: int) -> list[tuple[int, list[str]]] | None:
