@@ -78,10 +78,12 @@ class GrowingModel(ModesAtPlaces):
             if found[worst] > 1:
                 self._add_modes(worst)
             if searched is None or found[worst] <= 1:
-                if self._add_missing([candidates[0], candidates[-1]]):
+                if self._add_missing([candidates[0], candidates[-1]]):  # roughly: another search may have more
                     self._know_less()
                     found = dict.fromkeys(found, np.inf)
-                searched, self._keeps = self.basis.V, True
+                else:
+                    searched = self.basis.V
+                self._keeps = True
         raise self._misses(worst, found[worst])
 
     def _supplement(self, values: np.ndarray) -> None:

@@ -53,7 +53,8 @@ def missing_modes(
 ) -> list[np.ndarray]:  # fmt: skip
     """Return vectors (n, ·) of modes in the range that was asked for, which the basis lacks.
 
-    A copy of the basis is extended by what may lie outside: a mode in the range that only the copy has was missing.
+    A copy of the basis is extended by what may lie outside: a mode in the range that only the copy has was missing. The
+    copy may have it roughly, and so may the basis if it got it from a copy: too high, and perhaps beyond the range.
 
     Parameters
     ----------
@@ -73,13 +74,15 @@ def missing_modes(
     for p, known in zip(values, before, strict=True):
         every = trial.modes(p, highest)
         end = end_of_range(known, request, highest)
-        limit = clear_place(np.append(sizes(every.lam), sizes(known.lam)), end, max(min(_BEYOND * end, highest), end))
-        now, then = _inside(every, limit), _inside(known, limit)
-        if len(now) > len(then):
-            # The new modes are those farthest from any that was known.
-            far = np.abs(every.lam[now, None] - known.lam[then]).min(axis=1, initial=np.inf)
-            new = now[np.argsort(far)[len(then) - len(now) :]]
-            found.append(real_columns(lift(trial.V, every.right[:, new])))
+        both = np.append(sizes(every.lam), sizes(known.lam))
+        for limit in clear_places(both, end, max(min(_BEYOND * end, highest), end)):
+            now, then = _inside(every, limit), _inside(known, limit)
+            if len(now) > len(then):
+                # The new modes are those farthest from any that was known.
+                far = np.abs(every.lam[now, None] - known.lam[then]).min(axis=1, initial=np.inf)
+                new = now[np.argsort(far)[len(then) - len(now) :]]
+                found.append(real_columns(lift(trial.V, every.right[:, new])))
+                break
     return found
 
 
@@ -101,17 +104,22 @@ def end_of_range(modes: Modes, request: Request, highest: float) -> float:
     return min(float(sizes(wanted.lam).max(initial=0.0)) or highest, highest)
 
 
-def clear_place(values: np.ndarray, low: float, high: float) -> float:
-    """Return the middle of the widest gap between two numbers, low ≤ high, in which none of some values (k,) lies.
+def clear_places(values: np.ndarray, low: float, high: float) -> tuple[float, float]:
+    """Return the middles of the first clear gap between two numbers, low ≤ high, and of the widest one.
+
+    In a gap none of some values (k,) lies. Below the first one are all modes of a range that ends at `low`, but none of
+    which the basis has but a rough image just beyond. Below the widest one are those whose extended image lies there.
 
     Examples
     --------
-    >>> clear_place(np.array([0.5, 1.02, 1.2]), 1.0, 1.1)
-    1.06
+    >>> np.round(clear_places(np.array([0.5, 1.0 + 1e-9, 1.02, 1.2]), 1.0, 1.1), 6).tolist()
+    [1.01, 1.06]
     """
     edges = np.sort(np.append(values[(values > low) & (values < high)], [low, high]))
-    widest = int(np.diff(edges).argmax())
-    return float(edges[widest] + edges[widest + 1]) / 2
+    gaps = np.diff(edges)
+    middles = (edges[:-1] + edges[1:]) / 2
+    clear = gaps > min(_CLEAR * low, 0.999 * gaps.max())
+    return float(middles[clear.argmax()]), float(middles[gaps.argmax()])
 
 
 def holds_all(

@@ -98,6 +98,14 @@ def test_the_mode_from_afar_may_be_the_highest_one_of_the_range(kind, values):
     np.testing.assert_allclose(modes.lam[modes.stability == "unstable"], expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize("seed", [1000, 1003])
+def test_a_rough_image_just_beyond_the_range_is_searched_for_again(seed, monkeypatch):
+    """From these starts the first search has the whirl of 2.81 rad/s at 3.51: the range ends at 3.5."""
+    for module in "missing", "whirling", "soft", "basis":
+        monkeypatch.setattr(f"fe_squeal.reduced.{module}._SEED", seed)
+    test_the_mode_from_afar_may_be_the_highest_one_of_the_range("whirl", (1.0,))
+
+
 def stiffened(case: Problem, *parts: tuple[float, int]) -> Problem:
     """Return the problem with (factor, power) · 1 as further stiffness of the last two oscillators."""
     last = np.zeros((N, N))
