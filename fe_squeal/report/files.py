@@ -152,11 +152,23 @@ def _printable(value: Any) -> Any:
     return one_line(value) if isinstance(value, str) else value
 
 
+def encodable(text: str) -> str:
+    r"""Return a text with what UTF-8 has no characters for spelled out: bytes in the names of files and folders.
+
+    Examples
+    --------
+    >>> print(encodable(b"caf\xe9, \xce\xbc".decode("utf-8", "surrogateescape")))
+    caf\udce9, μ
+    """
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def write_json(data: Any, path: str | os.PathLike[str]) -> Path:
     """Write `data` as indented UTF-8 JSON.
 
     NumPy numbers and arrays, complex numbers (as `[re, im]`), dataclasses, paths and sets are turned into JSON's own
-    kinds; infinite and undefined numbers become `null`, since JSON has none of them.
+    kinds; infinite and undefined numbers become `null`, since JSON has none of them. Bytes of file names that are not
+    UTF-8 are spelled out.
 
     Examples
     --------
@@ -174,12 +186,14 @@ def write_json(data: Any, path: str | os.PathLike[str]) -> Path:
 
 
 def _plain(data: Any) -> Any:
-    if data is None or data is pd.NA or isinstance(data, str | bool):
+    if data is None or data is pd.NA or isinstance(data, bool):
         return None if data is pd.NA else data
+    if isinstance(data, str):
+        return encodable(data)
     if dataclasses.is_dataclass(data) and not isinstance(data, type):
         return {f.name: _plain(getattr(data, f.name)) for f in dataclasses.fields(data)}
     if isinstance(data, Mapping):
-        return {str(key): _plain(value) for key, value in data.items()}
+        return {encodable(str(key)): _plain(value) for key, value in data.items()}
     if isinstance(data, np.ndarray | np.generic):
         return _plain(data.tolist())
     if isinstance(data, set | frozenset):
@@ -193,7 +207,7 @@ def _plain(data: Any) -> Any:
     if isinstance(data, int):
         return data
     if isinstance(data, os.PathLike):
-        return os.fspath(data)
+        return _plain(os.fspath(data))
     raise TypeError(f"cannot be written as JSON: {type(data).__name__} {data!r}")
 
 

@@ -17,7 +17,7 @@ from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from ..mesh.writing import write_loaded
 from ..report.accuracy import accuracy_page, plot_accuracy
 from ..report.advice import QUANTITIES, advice, size_text
-from ..report.files import replace_atomically, write_csv
+from ..report.files import encodable, replace_atomically, write_csv
 from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
@@ -128,7 +128,7 @@ def write_study(study: Study, out: Path, title: str) -> None:
     size = size_text(finest.size, finest.units)
     page = accuracy_page(frame, own, f"order {finest.order}, {size}", study.exact, left_out, title)
     with replace_atomically(out / ACCURACY_PAGE) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(encodable(page), encoding="utf-8")
 
 
 def uncertainty(study: Study) -> dict[str, float]:

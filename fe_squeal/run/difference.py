@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from ..errors import OutputError
+from ..errors import OutputError, one_line
 from ..report.files import write_csv, write_json
 from .folder import (
     DIFFERENCE_FIGURE,
@@ -75,7 +75,7 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
 
 def _names(folders: Sequence[Path]) -> list[str]:
     """Return a short name for each folder: its own name, with that of its parent in front if two are equal."""
-    names = [folder.resolve().name for folder in folders]
+    names = [one_line(folder.resolve().name) for folder in folders]
     if len(set(names)) < len(names):
-        names = ["/".join(folder.resolve().parts[-2:]) for folder in folders]
+        names = [one_line("/".join(folder.resolve().parts[-2:])) for folder in folders]
     return names if len(set(names)) == len(names) else [f"{name} ({i})" for i, name in enumerate(names, 1)]

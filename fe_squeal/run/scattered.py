@@ -10,7 +10,7 @@ from rich.console import Console
 
 from ..problem.parameters import paths_of
 from ..problem.problem import Problem
-from ..report.files import replace_atomically, write_csv
+from ..report.files import encodable, replace_atomically, write_csv
 from ..report.study import driving, plot_indices, plot_probability, plot_scatter, without_modes_text
 from ..scene import MatrixScene, Scene, with_numbers
 from ..scene.numbers import GEOMETRY
@@ -53,7 +53,7 @@ def scattered(
     plot_probability(bands, out / PROBABILITY_FIGURE, scene.title, result.known_hz, beyond)
     plot_scatter(samples, modes, driver or result.names[0], out / SCATTER_FIGURE, scene.title)
     plot_indices(indices, out / INDICES_FIGURE, scene.title)
-    dangerous = _write_dangerous(scene, result, out)
+    dangerous = _write_dangerous(scene, result, out, console)
     unstable = int(samples["unstable"].sum())
     for sentence in _told(result, known, lower, upper, unstable):
         console.print(sentence, markup=False)
@@ -105,7 +105,7 @@ def _percent(lower: float, upper: float) -> str:
     return f"95 %: {100 * lower:.3g} to {100 * upper:.3g} %"
 
 
-def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Path) -> list[str]:
+def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Path, console: Console) -> list[str]:
     """Write the samples that grow fastest as scene files, and return the names of these."""
     names = []
     for i in result.dangerous(_DANGEROUS):
@@ -115,6 +115,9 @@ def _write_dangerous(scene: Scene | MatrixScene, result: ScatterResult, out: Pat
         if isinstance(sample, Scene) and any(path.startswith(GEOMETRY) for path in moved):
             sample = without_file(sample)
         text = scene_text(sample, out / DANGEROUS)
+        if encodable(text) != text:
+            console.print("note: no sample is written as a scene: a folder on the way has a name not in UTF-8")
+            break
         with replace_atomically(out / name) as temporary:
             temporary.write_text(f"# sample {i + 1}: Re λ = {result.rows[i, 1]:.4g} 1/s\n{text}", encoding="utf-8")
         names.append(name)

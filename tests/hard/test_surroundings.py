@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -241,3 +242,15 @@ def test_no_name_of_the_scene_makes_a_name_that_windows_refuses(name: str, tmp_p
         assert not [p for p in made if any(_NOT_ON_WINDOWS.fullmatch(part) for part in p.parts)]
         assert len({p.as_posix().casefold() for p in made}) == len(made)  # Windows does not tell A from a
         assert all(stat.S_ISREG(p.lstat().st_mode) or p.is_dir() for p in out.rglob("*"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes there alone")
+def test_a_folder_whose_name_is_not_in_utf_8(tmp_path: Path) -> None:
+    """The scene is read and run there; run.json spells the byte out."""
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    path = write_sweep(folder, 2)
+    assert main(["run", str(path), "-o", str(folder / "out")]) == 0
+    record = json.loads((folder / "out" / "run.json").read_text("utf-8"))
+    assert record["status"] == "complete" and record["scene"] == str(tmp_path / r"caf\udce9" / path.name)
+    assert main(["run", str(path), "-o", str(folder / "out"), "--resume"]) == 0

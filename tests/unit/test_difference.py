@@ -20,6 +20,7 @@ from fe_squeal.report.pairing import common_points, mac_matrix, pair_shapes
 from fe_squeal.report.results import Results, Shape
 from fe_squeal.report.shapes import ShapeGrid, shape_grid
 from fe_squeal.report.tables import begins_unstable
+from fe_squeal.run.difference import _names
 from meshes import annulus
 
 
@@ -311,3 +312,10 @@ def test_what_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], cas
     assert main(["diff", *map(str, folders), "-o", str(out)]) == 2
     found = capsys.readouterr().err
     assert said in found and found.count("\n") == 1 and not (tmp_path / "d").exists()
+
+
+def test_names_of_folders_are_of_characters_that_can_be_drawn_and_written() -> None:
+    """Bytes that are not UTF-8 come into Python as halves of pairs, which no file or figure takes."""
+    folders = [Path("/runs/caf\udce9"), Path("/runs/a\nb"), Path("/runs/é")]
+    assert _names(folders) == [r"caf\udce9", r"a\nb", "é"]
+    assert _names([Path("/\udcff/a"), Path("/b/a")]) == [r"\udcff/a", "b/a"]

@@ -113,11 +113,11 @@ def test_json_takes_numpy_and_dataclasses(tmp_path):
         seconds: np.float64
 
     data = {"stage": Stage("μ", np.float64(0.5)), "list": np.array([1, 2]), "nan": [np.nan, np.inf], "lam": 1 - 2j,
-            "path": Path("a"), "set": {"b", "a"}, 3: np.True_}
+            "path": Path("a\udcff"), "set": {"b", "a"}, 3: np.True_, "\udce9": "caf\udce9/é.toml"}
     file = write_json(data, tmp_path / "run.json")
     assert json.loads(file.read_text(encoding="utf-8")) == {
         "stage": {"name": "μ", "seconds": 0.5}, "list": [1, 2], "nan": [None, None], "lam": [1.0, -2.0],
-        "path": "a", "set": ["a", "b"], "3": True}
+        "path": r"a\udcff", "set": ["a", "b"], "3": True, r"\udce9": r"caf\udce9/é.toml"}
     with pytest.raises(TypeError, match="object"):
         write_json({"a": object()}, tmp_path / "other.json")
     assert not (tmp_path / "other.json").exists()

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fe_squeal.cli import main
+from fe_squeal.commands.shared import make_console
+from fe_squeal.run.scattered import _write_dangerous
 from fe_squeal.scene.file import load_scene
 from fe_squeal.study import engine
 
@@ -111,3 +116,17 @@ def test_scenes_of_samples_have_the_geometry_of_the_sample(tmp_path):
     assert written and all(s.mesh.file is None and s.mesh.block.height != 0.02 for s in written)
     assert len({s.mesh.block.height for s in written}) == len(written)
     assert np.all([0.015 <= s.mesh.block.height <= 0.03 for s in written])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes there alone")
+def test_samples_that_no_scene_can_name_the_mesh_of_are_left_out(tmp_path, capsys):
+    """TOML is UTF-8; the study itself is there."""
+    points, rows = np.full((4, 1), 0.7), np.ones((4, 6))
+    result = SimpleNamespace(dangerous=lambda count: [3], names=("mu",), points=points, rows=rows)
+    for name, written in ((b"caf\xe9", []), (b"cafe", ["dangerous/sample_00004.toml"])):
+        folder = tmp_path / os.fsdecode(name)
+        folder.mkdir()
+        scene = load_scene(write(folder, "mu = { values = [0.1, 0.7] }", 'file = "block.msh"\n'))
+        assert _write_dangerous(scene, result, tmp_path / "out", make_console()) == written
+    assert [load_scene(p).effects.friction.mu for p in (tmp_path / "out" / "dangerous").iterdir()] == [0.7]
+    assert capsys.readouterr().out.count("no sample is written as a scene") == 1
