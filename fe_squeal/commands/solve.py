@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import SceneError
+from ..errors import INTERRUPTED, NotConvergedError, SceneError
 from .shared import SceneOrDeck, load_scene_or_deck, make_console, out_option
 
 
@@ -46,20 +47,32 @@ def onset(scene: SceneOrDeck) -> int:
     from ..run.covered import frequency_range
     from ..run.forces import scene_warnings
     from ..run.preload import preload_warnings
-    from ..run.run import sweep_scene
+    from ..run.run import sweep_scene, sweep_so_far
 
     loaded = load_scene_or_deck(scene)
     if loaded.sweep is None:
         raise SceneError(f"{scene}: sweep: is missing; expected a table, written [sweep]: the interval to look in")
     console = make_console()
     problem = assemble(loaded)
-    result = sweep_scene(loaded, problem, console, precise=True)
+    stopped: NotConvergedError | KeyboardInterrupt | None = None
+    try:
+        result = sweep_scene(loaded, problem, console, precise=True)
+    except (NotConvergedError, KeyboardInterrupt) as stop:
+        if (found := sweep_so_far(stop)) is None:
+            raise
+        result, stopped = found, stop
     print_onsets(result.onsets_dataframe(), console, frequency_range(loaded, result), bool(result.unsettled))
     for o in result.onsets:
         console.print(f"{o.parameter} = {o.value!r} ± {o.uncertainty:.1g}, {o.frequency_hz!r} Hz", markup=False)
     for warning in told_once([*scene_warnings(problem), *preload_warnings(result, problem), *result.warnings]):
         console.print(f"warning: {warning}", markup=False)
-    return 0
+    if stopped is None:
+        return 0
+    reached = f"the onsets are those up to {result.parameter} = {result.values[-1]:.6g}"
+    if isinstance(stopped, NotConvergedError):
+        raise NotConvergedError(f"{stopped}; {reached}", result) from stopped
+    print(f"interrupted: {reached}", file=sys.stderr)
+    return INTERRUPTED
 
 
 def study(

@@ -17,6 +17,7 @@ from ..report.files import write_json
 from ..scene import MatrixScene, Scene
 from ..sweep.point import SweepPoint
 from ..sweep.result import Sweep
+from .checkpoint import read_json
 from .compared import measured_record
 from .covered import above_text, frequency_range, unstable_above
 from .folder import RECORD
@@ -97,6 +98,25 @@ def write_record(
         **({} if search is None else {"search": search}),
     }
     write_json(record, out / RECORD)
+
+
+def record_end(out: Path, status: str) -> None:
+    """Let the run.json that a run has left in a folder say how the one ended that should have resumed it.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    status : "interrupted" or "not converged"
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    record = read_json(out / RECORD)
+    if isinstance(record, dict):
+        write_json({**record, "status": status}, out / RECORD)
 
 
 def fastest_growing(result: Sweep) -> list[tuple[SweepPoint, int]]:

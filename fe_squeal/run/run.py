@@ -23,13 +23,14 @@ from ..assembly.swept import keeps_shapes, swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
 from ..eigen.shift import LIGHT
-from ..errors import INTERRUPTED, InputError, NotConvergedError, SceneError
+from ..errors import INTERRUPTED, InputError, NotConvergedError
 from ..problem.problem import Problem
 from ..process.signals import signals_deferred
 from ..report.tables import print_onsets, print_unstable
 from ..report.terminal import print_table
 from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
+from ..scene.faults import naming_file
 from ..scene.solver import note_on_options, solver_of
 from ..sweep.forecast import is_reduced, predict_memory
 from ..sweep.result import Sweep
@@ -48,7 +49,7 @@ from .mesh_error import write_mesh_error
 from .outputs import exporting_shapes, write_figures, write_mac, write_modes, write_tables
 from .page import write_run_report
 from .preload import preload_warnings, write_preload
-from .record import write_record
+from .record import record_end, write_record
 from .resume import is_estimated, is_finished, show_finished
 
 if TYPE_CHECKING:
@@ -167,21 +168,21 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
             record(None, "running")
         result = sweep_scene(scene, problem, console, store=checkpoint)
     except NotConvergedError as error:
-        status, failure, result = "not converged", error, _partial(error)
+        status, failure, result = "not converged", error, sweep_so_far(error)
         if not checkpoint.begun:
             begin()
-    except InputError as error:
+    except InputError:
         if checkpoint.begun and checkpoint.is_empty:  # no value of this run was finished: nothing is worth keeping
             remove_results(held)
             checkpoint.remove()
-        if isinstance(error, SceneError) and scene.source is not None:
-            raise SceneError(f"{scene.source}: {error}") from error
         raise
     except KeyboardInterrupt as stop:
         if not checkpoint.begun:
             print(f"interrupted: nothing was finished, and {out} is as it was", file=sys.stderr)
             return INTERRUPTED
-        status, result = "interrupted", stop.args[0] if stop.args else None
+        status, result = "interrupted", sweep_so_far(stop)
+    # Where it ended before it had what is kept of the run that it resumes, the tables of that stay as they are.
+    kept = 0 if result is not None else checkpoint.progress()[0]
     if result is not None:
         if estimate and status == "complete":
             try:
@@ -190,14 +191,22 @@ def _run(scene: Scene | MatrixScene, held: Manifest, console: Console, resume: b
                 status = "interrupted"  # all values are finished; --resume continues with the estimate
         seconds |= dict(result.seconds)
         clock = time.perf_counter()
-        said += preload_warnings(result, problem)
-        said += write_results(scene, result, held, measured)
-        write_mesh_error(split, result, out, scene.title)
+        try:
+            said += preload_warnings(result, problem)
+            said += write_results(scene, result, held, measured)
+            write_mesh_error(split, result, out, scene.title)
+        except KeyboardInterrupt:  # now, or before in a step of several processes, which all later ones tell again
+            status = "interrupted"
+        except NotConvergedError as error:
+            status, failure = "not converged", failure or error
         seconds["output"] = time.perf_counter() - clock
-    record(result, status)
+    if kept:
+        record_end(out, status)
+    else:
+        record(result, status)
     if result is not None and scene.output.report:
         write_run_report(out, out / REPORT)
-    done = len(result.values) if result is not None else 0
+    done = len(result.values) if result is not None else kept
     if failure is not None:
         raise NotConvergedError(f"{failure}; {done} values before it are in {out}", failure.partial)
     if result is not None:
@@ -221,7 +230,7 @@ def sweep_scene(
     Raises
     ------
     SceneError, NotConvergedError, TooLargeError
-        As `sweep`.
+        As `sweep`; a SceneError names the file of the scene.
     KeyboardInterrupt
         Ctrl-C; its argument is the sweep so far.
     """
@@ -248,7 +257,7 @@ def sweep_scene(
             if done in marks:
                 console.print(f"{parameter} = {values[done - 1]:.4g}: {done} of {total} values solved", markup=False)
 
-        with shortage:
+        with naming_file(scene), shortage:
             return _explained(sweep(problem, values, parameter, progress=report, **options), scene)  # type: ignore[arg-type]
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
@@ -258,7 +267,7 @@ def sweep_scene(
             forecast.tell(done)
             bar.update(task, completed=done)
 
-        with shortage:
+        with naming_file(scene), shortage:
             return _explained(sweep(problem, values, parameter, progress=advance, **options), scene)  # type: ignore[arg-type]
 
 
@@ -313,8 +322,10 @@ def _estimated(result: Sweep, solver: LinearSolver, console: Console) -> tuple[S
     return replace(result, seconds={**result.seconds, "estimate": time.perf_counter() - clock}), split
 
 
-def _partial(error: NotConvergedError) -> Sweep | None:
-    return error.partial if isinstance(error.partial, Sweep) else None
+def sweep_so_far(stop: NotConvergedError | KeyboardInterrupt) -> Sweep | None:
+    """Return what had been solved for when `sweep` raised this; None if no value was finished."""
+    found = stop.partial if isinstance(stop, NotConvergedError) else next(iter(stop.args), None)
+    return found if isinstance(found, Sweep) else None
 
 
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import UnionType
 from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin
 
@@ -11,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from ..errors import SceneError, nearest_name, suggest
+from .base import BaseScene
 
 _EXPECTED = {
     "float_type": "a number",
@@ -47,6 +50,22 @@ def validated(kind: type[_Table], data: dict[str, Any], source: str) -> _Table:
         raise SceneError(f"{source}: {' | '.join(shown)}{tail}") from None
     except RecursionError as error:
         raise SceneError(f"{source}: not a scene: nested too deeply") from error
+
+
+@contextmanager
+def naming_file(scene: BaseScene) -> Iterator[None]:
+    """Put the file of a scene in front of what a SceneError of the block says, if it is not there.
+
+    Raises
+    ------
+    SceneError
+        That of the block, with the name.
+    """
+    try:
+        yield
+    except SceneError as error:
+        where = f"{scene.source}: " if scene.source is not None else ""
+        raise SceneError(f"{where}{str(error).removeprefix(where)}") from error
 
 
 class _Fault(NamedTuple):

@@ -88,8 +88,6 @@ class RunningSweep:
 
     def restore(self, state: SweepState) -> None:
         """Take over a state, to continue after its last value."""
-        V = self._solver.basis
-        self.points = [point if V is None else lifted(point, V) for point in state.points]
         self.onsets, self.completeness = list(state.onsets), state.completeness
         self.told = self._solver.told = Told(
             self.parameter, state.warnings, state.unsettled, state.doubt, state.beyond, state.unsearched
@@ -99,6 +97,9 @@ class RunningSweep:
         self._first_branches, self._branches = state.first_branches, state.branches
         self._next_branch, self._start, self._value = state.next_branch, state.start, state.value
         self.window = state.window
+        V = self._solver.basis
+        # Last: where there are points, an interruption takes all else to be there.
+        self.points = [point if V is None else lifted(point, V) for point in state.points]
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""

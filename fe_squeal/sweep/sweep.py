@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..problem.problem import Problem
     from .onset import Onset
     from .result import Sweep
+    from .running import RunningSweep
     from .state import Store
 
 METHODS = "auto", "direct", "reduced", "modal"
@@ -115,7 +116,6 @@ def sweep(
     """
     from ..eigen.linear.choice import choose
     from ..eigen.request import Request
-    from ..eigen.threads import one_openblas_thread
     from ..problem.terms import check_terms
     from .running import RunningSweep
     from .warnings import flat_warnings
@@ -124,7 +124,7 @@ def sweep(
     parameter = parameter_name(parameter)
     if problem.source is None:
         check_terms(problem.terms)
-    values, solver = _checked(problem, parameter, values), choose(linear_solver)
+    values, solver = checked_values(problem, parameter, values), choose(linear_solver)
     if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.solved_with(solver).prepared(parameter, values)
@@ -133,10 +133,28 @@ def sweep(
     known = None if store is None else store.load()
     if known is None:
         tracker.told.add(*flat_warnings(problem, parameter, values))
-    tracker.reduce(values, method, store, known)
-    if known is not None:
-        tracker.restore(known)
-        progress(sum(not p.between for p in known.points), len(values))
+    try:
+        tracker.reduce(values, method, store, known)
+        if known is not None:
+            tracker.restore(known)
+            progress(sum(not p.between for p in known.points), len(values))
+        _advance(tracker, values, keep_shapes, progress, store)
+        if store is not None:
+            store.flush()
+        return tracker.result()
+    except KeyboardInterrupt as stop:
+        if store is not None:
+            store.flush()
+        raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
+
+
+def _advance(
+    tracker: RunningSweep, values: np.ndarray, keep_shapes: bool, progress: Callable[[int, int], None],
+    store: Store | None,
+) -> None:  # fmt: skip
+    """Solve at the values (m,) that are left."""
+    from ..eigen.threads import one_openblas_thread
+
     for i, value in enumerate(values):
         if i < sum(not p.between for p in tracker.points):
             continue
@@ -151,7 +169,7 @@ def sweep(
                 store.flush()
             # A scene may not have a solution from some value on (a contact opens): the sweep ends and keeps what it
             # has.
-            text = f"{parameter} = {value:g}: {error}"
+            text = f"{tracker.parameter} = {value:g}: {error}"
             if isinstance(error, SceneError) and not tracker.points:
                 raise SceneError(text) from error
             raise NotConvergedError(text, partial=tracker.result() if tracker.points else None) from error
@@ -159,13 +177,6 @@ def sweep(
             if store is not None:
                 store.flush()
             raise
-        except KeyboardInterrupt as stop:
-            if store is not None:
-                store.flush()
-            raise KeyboardInterrupt(tracker.result() if tracker.points else None) from stop
-    if store is not None:
-        store.flush()
-    return tracker.result()
 
 
 def find_onsets(
@@ -222,7 +233,14 @@ def _check_request(modes: int | None, max_frequency: float | None, tolerance: fl
         raise SceneError(f"method: given {method!r}; expected {', '.join(METHODS[:-1])} or {METHODS[-1]}")
 
 
-def _checked(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+def checked_values(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return the values of a sweep as an array (m,) float, in the unit of the parameter.
+
+    Raises
+    ------
+    SceneError
+        They are empty, not finite, not ascending, or not allowed by the scene, or the problem has no such parameter.
+    """
     given = np.asarray(list(values) if isinstance(values, Iterator | range) else values)
     if given.dtype.kind not in "fiub":
         raise SceneError(f"sweep: given the values {values!r:.60}; expected real numbers that increase")

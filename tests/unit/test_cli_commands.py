@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from interrupted import stop_at
 from scene_texts import CONTACTS, CRITICAL_MU, HEAD, SCENE, SPRINGS, environment, replaced, without, write_scene
 from selection import some
 
 import fe_squeal.cli
 import fe_squeal.run.run
 from fe_squeal.cli import main
+from fe_squeal.errors import NotConvergedError
 from fe_squeal.mesh import load_mesh
 
 
@@ -156,3 +158,31 @@ def test_info_command(capsys: pytest.CaptureFixture[str]) -> None:
     for package in ("numpy", "scipy", "scikit-fem", "meshio"):
         assert rows[package].strip() == version(package)
     assert "linear solver" in " ".join(f"{key} {text}" for key, text in rows.items())
+
+
+@pytest.mark.parametrize(("error", "code", "said"), [
+    (KeyboardInterrupt, 130, "interrupted: the onsets are those up to mu = 0.6"),
+    (NotConvergedError, 3, "not converged: mu = 0.8: the end; the onsets are those up to mu = 0.6"),
+])  # fmt: skip
+def test_onsets_that_were_found_before_the_end_are_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: type[BaseException],
+    code: int, said: str,
+) -> None:  # fmt: skip
+    """The last of five values is not reached; the onset lies below."""
+    stop_at(5, monkeypatch, error)
+    assert main(["onset", str(write_scene(tmp_path))]) == code
+    captured = capsys.readouterr()
+    [value] = re.findall(r"^mu = (\S+) ± ", captured.out, flags=re.MULTILINE)
+    assert float(value) == pytest.approx(CRITICAL_MU, rel=0.01)
+    assert captured.err == f"{said}\n"
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (NotConvergedError, 3)])
+def test_nothing_is_printed_of_onsets_where_no_value_was_solved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, error: type[BaseException],
+    code: int,
+) -> None:  # fmt: skip
+    stop_at(1, monkeypatch, error)
+    assert main(["onset", str(write_scene(tmp_path))]) == code
+    captured = capsys.readouterr()
+    assert "nset" not in captured.out + captured.err and captured.err.count("\n") == 1
