@@ -12,7 +12,7 @@ from .commands.prepare import check, mesh, new
 from .commands.references import compare, lumped_models
 from .commands.show import animate, diff, report
 from .commands.solve import accuracy, onset, run, study
-from .errors import INTERRUPTED, InputError, NotConvergedError, SquealError, one_line
+from .errors import INTERRUPTED, InputError, NotConvergedError, OutputError, SquealError, one_line
 from .process.isolation import import_matplotlib
 from .process.ranks import is_helper, process_count
 from .process.signals import stopped_by_signals, uncovered
@@ -79,8 +79,11 @@ def _run(arguments: list[str] | None) -> int:
         try:
             with stopped_by_signals() as came:
                 code = _main(arguments, came)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             code = INTERRUPTED
+            if _unwritten(stop.__cause__):
+                why = one_line(str(stop.__cause__))
+                print(f"interrupted; what was finished could not be written: {why}", file=sys.stderr)
         if code == INTERRUPTED and not err.used:  # Typer, too, takes up what no command does, and says nothing
             print("interrupted", file=sys.stderr)
         out.flush()
@@ -89,6 +92,11 @@ def _run(arguments: list[str] | None) -> int:
             print(f"error: standard output: {why}; what belongs into files is written", file=sys.stderr)
             return code or InputError.exit_code
     return code
+
+
+def _unwritten(error: BaseException | None) -> bool:
+    """Return whether an error says that results cannot be written; a file that cannot be read has another cause."""
+    return isinstance(error, OutputError) and isinstance(error.__cause__, OSError | None)
 
 
 def _main(arguments: list[str] | None, came: list[int]) -> int:

@@ -19,7 +19,7 @@ from matplotlib.text import Text
 from scene_texts import environment, write_scene
 
 from fe_squeal.cli import main
-from fe_squeal.errors import InputError
+from fe_squeal.errors import InputError, OutputError
 from fe_squeal.process import signals
 from fe_squeal.process.signals import signals_deferred, stopped_by_signals
 from fe_squeal.report.files import save_figure
@@ -68,12 +68,23 @@ def test_a_signal_waits_for_a_figure(tmp_path: Path) -> None:
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
+FULL = OutputError("out/run.json: cannot be written (No space left on device)")
+DAMAGED = OutputError("out/checkpoint/state.npz: the checkpoint is damaged")
+DAMAGED.__cause__ = TypeError("incompatible function arguments")
+
+
 @POSIX
-@pytest.mark.parametrize("error", [TypeError("incompatible function arguments"), InputError("mesh.msh: is damaged")])
+@pytest.mark.parametrize(
+    "error", [TypeError("incompatible function arguments"), InputError("mesh.msh: is damaged"), DAMAGED, FULL]
+)
 def test_an_interruption_that_comes_out_as_another_exception(
     error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As of compiled code that a signal interrupts; without a signal the same exception is what it is."""
+    """As of compiled code that a signal interrupts; without a signal the same exception is what it is.
+
+    What could not be written behind the signal is told.
+    """
+    lost = f"; what was finished could not be written: {error}" if error is FULL else ""
 
     def told(*arguments: object, **options: object) -> None:
         try:
@@ -91,10 +102,10 @@ def test_an_interruption_that_comes_out_as_another_exception(
             assert main(["info"]) == 130
         finally:
             signal.signal(number, before)
-        assert capsys.readouterr().err == "interrupted\n"
+        assert capsys.readouterr().err == f"interrupted{lost}\n"
     number = None
     if isinstance(error, InputError):
-        assert main(["info"]) == 2 and capsys.readouterr().err == "error: mesh.msh: is damaged\n"
+        assert main(["info"]) == 2 and capsys.readouterr().err == f"error: {error}\n"
     else:
         with pytest.raises(TypeError):
             main(["info"])
@@ -280,7 +291,8 @@ def test_signal_while_drawing(tmp_path: Path, whole_with_shapes: Path) -> None:
         time.sleep(0.3)
         child.send_signal(number)
         _, said = child.communicate(timeout=60)
-        assert (child.returncode, said) == (130, "interrupted\n")
+        assert child.returncode == 130
+        assert said == f"interrupted: 3 of 3 values were finished and are in {out}\n"
         assert not psutil.wait_procs(drawing, timeout=10)[1]
         assert not list((tmp_path / "tmp").iterdir()) and not list(out.rglob(".*"))
     assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
