@@ -12,19 +12,28 @@ from ..problem.parameters import MU
 from ..problem.problem import Problem
 from ..report.units import ANY, with_unit
 from ..scene import MatrixScene, Scene
+from ..scene.faults import naming_file
 from ..scene.solver import note_on_options, solver_of
 from ..schema.place import Placed
 from ..sweep.forecast import count_memory
-from ..sweep.sweep import MODES
+from ..sweep.sweep import MODES, checked_values
 from .fits import Machines, fits_here, fits_there
 
 
 def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | None = None) -> Table:
-    """Return a table of bodies, groups, effects, problem class, size, and what fits here and on other machines."""
+    """Return a table of bodies, groups, effects, problem class, size, and what fits here and on other machines.
+
+    Raises
+    ------
+    SceneError
+        The scene does not allow one of the values of its sweep.
+    """
     solver = solver_of(scene)
     problem = problem.solved_with(solver)
     if scene.sweep is not None:
-        problem = problem.prepared(scene.sweep.parameter, np.array(scene.sweep.grid))
+        with naming_file(scene):
+            grid = checked_values(problem, scene.sweep.parameter, scene.sweep.grid)
+            problem = problem.prepared(scene.sweep.parameter, grid)
     table = Table(show_header=False, box=None, pad_edge=False)
     if isinstance(scene, Scene):
         _mesh_rows(table, scene, problem)

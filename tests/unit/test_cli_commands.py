@@ -186,3 +186,20 @@ def test_nothing_is_printed_of_onsets_where_no_value_was_solved(
     assert main(["onset", str(write_scene(tmp_path))]) == code
     captured = capsys.readouterr()
     assert "nset" not in captured.out + captured.err and captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("parameter", "low"), [
+    ("contacts.belt.sliding.speed", -5.0), ("springs.along_1.direction.0", -1.0),
+])  # fmt: skip
+def test_a_value_in_the_middle_of_a_sweep_that_the_scene_does_not_allow(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], parameter: str, low: float
+) -> None:
+    """No slip damping at rest, and no spring without a direction: each command says it before it solves anything."""
+    text = replaced('parameter = "mu"\nfrom = 0.0\nto = 0.8', f'parameter = "{parameter}"\nfrom = {low}\nto = {-low}')
+    text = replaced("[sweep]", "[effects.friction_damping]\ncontact_pressure = 1.0e6\n[sweep]", text)
+    path = write_scene(tmp_path, text)
+    said = set()
+    for command in (["check"], ["onset"], ["run", "-o", str(tmp_path / "out")]):
+        assert main([command[0], str(path), *command[1:]]) == 2
+        said.add(capsys.readouterr().err)
+    assert len(said) == 1 and said.pop().startswith(f"error: {path}: {parameter} = 0: ")
