@@ -1,4 +1,4 @@
-"""Forecast how long a sweep takes, and print it once near its beginning."""
+"""Forecast how long the rest of a sweep takes, and print it once near its beginning."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _LONG = 30.0  # s: if less time is left, no forecast is printed
 
 
 class ForecastLine:
-    """Prints, once, how long a sweep will take, from the time of its first values.
+    """Prints, once, how long the rest of a sweep will take, from the time of its first values.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ class ForecastLine:
         rest = each * (self._values - done)
         if rest >= _LONG:
             self._console.print(
-                f"forecast: {self._values} values take about {duration(rest)} ({each:.2g} s each)"
+                f"forecast: the other {self._values - done} of {self._values} values take about {duration(rest)}"
+                f" ({each:.2g} s each)"
                 + ("; what is finished is kept, and --resume goes on from it" if self._kept else ""),
                 markup=False,
             )

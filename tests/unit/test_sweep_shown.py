@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scene_texts import write_scene
 
 import fe_squeal
+from fe_squeal.commands.shared import make_console
 from fe_squeal.report.damping import damping_figure
+from fe_squeal.run import forecast
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +79,15 @@ def test_a_sweep_loads_what_draws_only_when_asked() -> None:
         print([m for m in ("matplotlib", "plotly", "pyvista", "pandas") if m in sys.modules])"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_forecast_of_a_sweep_is_of_the_values_that_are_left(capsys, monkeypatch):
+    """40 s each: one is left at the sixth of seven, and eleven at the 25th of 36, where the run goes on from 20."""
+    clock = itertools.count(0.0, 40.0)
+    monkeypatch.setattr(forecast, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    for values, kept, told in ((7, 0, "the other 1 of 7 values take about 40 s (40 s each)"),
+                               (36, 20, "the other 11 of 36 values take about 7.3 minutes (40 s each)")):  # fmt: skip
+        line = forecast.ForecastLine(values, make_console(), kept=False)
+        for done in range(max(kept, 1), values):
+            line.tell(done)
+        assert capsys.readouterr().out == f"forecast: {told}\n"
