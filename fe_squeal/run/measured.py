@@ -130,8 +130,7 @@ def read_measured(scene: Scene | MatrixScene) -> Measurements:
         shapes.append(TestShape(name, hz, points, u, turned, entry.distance))
         if entry.frequency_hz is not None:
             frequencies.append(Frequency(entry.frequency_hz, entry.level_db, label))
-    units = scene.units if isinstance(scene, Scene) else "SI"
-    return Measurements(tuple(frequencies), tuple(shapes), tuple(notes), tuple(warnings), units)
+    return Measurements(tuple(frequencies), tuple(shapes), tuple(notes), tuple(warnings), scene.units)
 
 
 def _unlike(label: str, taken: list[str]) -> str:

@@ -64,7 +64,7 @@ def write_record(
         "version": inputs["version"],
         "title": scene.title,
         "scene": str(scene.source) if scene.source is not None else None,
-        "units": scene.units if isinstance(scene, Scene) else None,
+        "units": scene.units,
         "status": status,
         "unknowns": problem.unknowns,
         "problem_class": swept.problem_class,

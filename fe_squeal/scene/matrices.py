@@ -74,6 +74,8 @@ class MatrixScene(BaseScene):
     ----------
     title : str
         For figures and run.json.
+    units : "SI" or "any"
+        Those of the matrices. "any": another consistent set of units; the page then names none.
     parameters : table of float
         Parameters by name, with their nominal values.
     terms : list of tables
@@ -91,6 +93,7 @@ class MatrixScene(BaseScene):
     """
 
     title: str = ""
+    units: Literal["SI", "any"] = "SI"
     parameters: dict[str, float] = {}
     terms: Annotated[list[TermSection], Field(min_length=1)]
     sweep: SweepSection | None = None

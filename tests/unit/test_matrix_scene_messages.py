@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fe_squeal.cli import main
+from fe_squeal.run.measured import read_measured
+from fe_squeal.scene.file import load_scene
 
 MASS = 'role = "mass"\nfile = "m.npy"\n'
 STIFFNESS = 'role = "stiffness"\nfile = "k.npy"\n'
@@ -171,3 +174,16 @@ def test_a_negative_power_of_a_number_that_is_scattered(
     write(MASS, STIFFNESS + "powers = { mu = -1 }\n", parameters="[parameters]\nmu = 2.0\n", tail=study)
     assert main(["check", "a.toml"]) == (2 if refused else 0)
     assert ("given 0 among the values of mu" in capsys.readouterr().err) == refused
+
+
+def test_units_of_matrices(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As of a scene on a mesh: "any" is another consistent set, and anything else is refused."""
+    for units in ("SI", "any"):
+        write(MASS, STIFFNESS, parameters=f'units = "{units}"\n', tail='[output]\nreport = false\n')
+        assert main(["run", "a.toml", "-o", units]) == 0
+        assert json.loads((folder / units / "run.json").read_text("utf-8"))["units"] == units
+        assert read_measured(load_scene("a.toml")).units == units
+    capsys.readouterr()
+    write(MASS, STIFFNESS, parameters='units = "inch"\n')
+    assert main(["check", "a.toml"]) == 2
+    assert 'a.toml: units: given "inch"; expected' in capsys.readouterr().err
