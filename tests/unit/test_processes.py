@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from collections.abc import Callable
 from types import SimpleNamespace
 
@@ -77,3 +79,21 @@ def test_a_program_of_every_process_is_refused(rank: int, of_processes: Callable
         with pytest.raises(InputError, match=f"process {rank} of 3 runs a program that they all run"):
             processes.together("solve", None)
     assert comm.sent == [(0, None)] * rank
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGHUP")
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_helper_leaves_every_end_to_process_0(ignored: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal that is closed sends SIGHUP to all; under nohup it stays ignored."""
+    monkeypatch.setattr(processes, "petsc", lambda: None)  # so that it returns at once
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, signal.SIG_DFL) for number in numbers]
+    try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+        assert processes.help_out() == 0
+        *ends, hangup = [signal.getsignal(number) for number in numbers]
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+    assert ends[0] == ends[1] != signal.SIG_DFL
+    assert hangup == (signal.SIG_IGN if ignored else ends[0])

@@ -188,14 +188,16 @@ def help_out() -> int:
     """Take part in what process 0 does until it ends; the exit code is for mpiexec."""
     import signal
 
-
     def last_call(number: int, frame: Any) -> None:
         """Process 0 is told as well, writes what is finished, and ends all; if it does not, the alarm does."""
         if hasattr(signal, "alarm"):
             signal.alarm(_PATIENCE)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, last_call)
+    signal.signal(signal.SIGINT, last_call)
+    signal.signal(signal.SIGTERM, last_call)
+    hangup = getattr(signal, "SIGHUP", None)  # Windows has none, and nohup lets it be ignored
+    if hangup is not None and signal.getsignal(hangup) != signal.SIG_IGN:
+        signal.signal(hangup, last_call)
     parent = os.getppid()
     comm, wait = None, _FIRST_WAIT
     try:
