@@ -61,10 +61,12 @@ def seeds_on_lines(
             continue
         for text in found.unsettled:
             told(f"{other} = {line:g}: {text}")
-        slow = _slow_windows(found.onsets, blind)
+        # At a parting something grows on both sides: it is no boundary of stability.
+        onsets = [o for o in found.onsets if o.law != "parting"]
+        slow = _slow_windows(onsets, blind)
         if slow:
             told(_CROSSING)
-        for onset in (o for o in found.onsets if o not in slow):
+        for onset in (o for o in onsets if o not in slow):
             s = np.zeros(2)
             s[along], s[1 - along] = axes[along].at(onset.value), axes[1 - along].at(float(line))
             seed = point_near(problem, axes, s, onset.frequency_hz, 1 - along)

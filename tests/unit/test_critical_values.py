@@ -9,7 +9,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.stats import ortho_group
 
-from fe_squeal import sweep
+from fe_squeal import stability_map, sweep
 from fe_squeal.errors import NotConvergedError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
@@ -224,6 +224,18 @@ def test_growing_modes_that_part_are_no_beginning_of_growth(kind, by, monkeypatc
     assert np.isnan(branch.re[at]) and branch.unstable_segments()[at] and branch.swings.all()
     assert not any((curve[:, 1] == 0).any() for curve in growth_curves(branch))
     assert len(mirror) == (kind == "undamped") and not any(b.grows for b in mirror)
+
+
+@pytest.mark.parametrize("kind", ["undamped", "damped"])
+def test_growing_modes_that_part_are_no_boundary_of_a_map(kind):
+    """At every place of it something grows: θ = q − 1 ± √(p − 1/2), and λ² − λ + 1 − 3p/2 + q = 0."""
+    problem = parting(kind)
+    beside = Term("g", "K", sp.eye_array(2, format="csr"), True, {"q": 1})
+    problem = Problem((*problem.terms, beside), {"p": 0.0, "q": 0.0})
+    axes = ({"parameter": n, "from": 0.0, "to": high, "points": 4} for n, high in (("p", 0.6), ("q", 0.1)))
+    found = stability_map(problem, *axes, modes=2)
+    assert (found.grid["unstable"] > 0).all()
+    assert found.told == [] and not len(found.boundaries)
 
 
 def test_growth_goes_on_where_a_branch_parts_from_another():
