@@ -15,14 +15,14 @@ from ..eigen.request import select_wanted
 from ..errors import SceneError
 from ..problem.problem import Problem
 from ..scene.faults import validated
-from ..scene.study import Axis
+from ..scene.study import Axis, StudySection
 from .boundary import Scaled
 from .curves import Curve, follow
 from .islands import islands
 from .models import DirectModel, Solver
 from .points import sobol_points
 from .seeds import Seed, seeds_on_lines
-from .solving import TRAINED, Options, Solving, check_value
+from .solving import TRAINED, Options, Solving, check_together, check_value
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,8 +119,8 @@ def stability_map(
     Raises
     ------
     SceneError
-        An axis is wrong or has values that the scene does not allow, the problem does not have its parameter, or
-        nothing depends on it.
+        An axis is wrong or has values that the scene does not allow, alone or at a corner with those of the other, both
+        have the same parameter, the problem does not have it, or nothing depends on it.
     NotConvergedError
         A direct solve failed, or the scheduler is gone.
 
@@ -142,6 +142,7 @@ def stability_map(
             example = '{"parameter": "mu", "from": 0.0, "to": 0.7, "points": 29}'
             raise SceneError(f"stability_map: {key}: given {axis!r:.60}; expected an axis, as {example}")
     tables = [a if isinstance(a, Axis) else validated(Axis, dict(a), key) for key, a in (("x", x), ("y", y))]
+    validated(StudySection, dict(zip("xy", tables, strict=True)), "stability_map")  # both together
     for key, table in zip("xy", tables, strict=True):
         for value in (table.start, table.stop):
             try:
@@ -152,6 +153,12 @@ def stability_map(
     axes, grids = (first, second), (tables[0].grid, tables[1].grid)
     names = (first.name, second.name)
     places = np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2)
+    if (scene := options.get("scene")) is not None:
+        row = len(grids[0])
+        try:
+            check_together(scene, names, places[[0, row - 1, -row, -1]])
+        except SceneError as error:
+            raise SceneError(f"stability_map: a corner has numbers that do not fit together: {error}") from error
 
     def draw(i: int) -> np.ndarray:
         u = sobol_points(TRAINED, 2, _SEED + i)

@@ -15,7 +15,7 @@ from ..scene.study import Distribution, StudySection
 from .outcome import COLUMNS, MODE_COLUMNS
 from .points import Scatter, sobol_points
 from .scatter_result import OWN_COLUMNS, ScatterResult
-from .solving import TRAINED, Options, Solving, check_value
+from .solving import TRAINED, Options, Solving, check_together, check_value
 
 SAMPLES = 1000  # samples, if their number is not given
 _SEEDS = 1_000_003  # difference between the seeds of points for different purposes
@@ -108,7 +108,13 @@ def scatter(
     places = np.vstack([points, *redrawn])
     _check_values(problem, names, places, options.get("scene"))
     if (scene := options.get("scene")) is not None:
-        _check_together(scene, names, places)
+        try:
+            check_together(scene, names, places)
+        except SceneError as error:
+            raise SceneError(
+                f"study.parameters: a sample has numbers that do not fit together: {error}: cut their distributions"
+                " off by low and high"
+            ) from error
     low, high = places.min(axis=0), places.max(axis=0)
 
     def draw(i: int) -> np.ndarray:
@@ -165,32 +171,4 @@ def _check_values(
                 raise SceneError(
                     f"study.parameters: the distribution of {name} reaches {value:.6g}; expected {expected}: cut it off"
                     " by low and high"
-                ) from error
-
-
-def _check_together(scene: Scene, names: Sequence[str], places: np.ndarray) -> None:
-    """Refuse places (m, d) at which several numbers of one table do not fit together, such as two Poisson ratios.
-
-    Raises
-    ------
-    SceneError
-        The scene does not allow what a sample has.
-    """
-    from ..problem.parameters import paths_of
-    from ..scene.numbers import with_numbers
-
-    tables: dict[str, dict[str, int]] = {}
-    for i, name in enumerate(names):
-        for path in paths_of(name):
-            tables.setdefault(".".join(path.split(".")[:2]), {})[path] = i
-    for columns in tables.values():
-        if len(set(columns.values())) < 2:
-            continue
-        for place in places:
-            try:
-                with_numbers(scene, {path: float(place[i]) for path, i in columns.items()})
-            except SceneError as error:
-                raise SceneError(
-                    f"study.parameters: a sample has numbers that do not fit together: {error}: cut their distributions"
-                    " off by low and high"
                 ) from error

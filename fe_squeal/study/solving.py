@@ -99,6 +99,25 @@ def check_value(problem: Problem, name: str, value: float, scene: Scene | None =
         problem.source.check(values)
 
 
+def check_together(scene: Scene, names: Sequence[str], places: np.ndarray) -> None:
+    """Refuse places (m, d) at which several numbers of one table do not fit together, such as two Poisson ratios.
+
+    Raises
+    ------
+    SceneError
+        The scene does not allow what a place has.
+    """
+    tables: dict[str, dict[str, int]] = {}
+    for i, name in enumerate(names):
+        for path in paths_of(name):
+            tables.setdefault(".".join(path.split(".")[:2]), {})[path] = i
+    for columns in tables.values():
+        if len(set(columns.values())) < 2:
+            continue
+        for place in places:
+            with_numbers(scene, {path: float(place[i]) for path, i in columns.items()})
+
+
 class Solving:
     """Solves the places of one study, stage by stage.
 

@@ -130,3 +130,16 @@ def test_samples_that_no_scene_can_name_the_mesh_of_are_left_out(tmp_path, capsy
         assert _write_dangerous(scene, result, tmp_path / "out", make_console()) == written
     assert [load_scene(p).effects.friction.mu for p in (tmp_path / "out" / "dangerous").iterdir()] == [0.7]
     assert capsys.readouterr().out.count("no sample is written as a scene") == 1
+
+
+def test_corners_of_a_map_that_do_not_fit_are_refused_before_anything_is_solved(tmp_path, capsys, monkeypatch):
+    """The ends of each axis are possible with the scene's own other number; both Poisson ratios of a corner are not."""
+    monkeypatch.setattr(engine, "solve_chunk", lambda *_: pytest.fail("solved"))
+    path = write(tmp_path, "", **ORTHOTROPIC)
+    axes = (f'[study.{k}]\nparameter = "materials.m.poisson_ratio.{i}"\nfrom = 0.3\nto = 0.72\npoints = 3\n'
+            for i, k in enumerate("xy"))  # fmt: skip
+    path.write_text(path.read_text().partition("[study]")[0] + "".join(axes))
+    assert main(["study", str(path), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {path}: stability_map: a corner has numbers that do not fit together: materials.m.")
+    assert said.count("\n") == 1 and not (tmp_path / "out").exists()

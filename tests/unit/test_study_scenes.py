@@ -140,3 +140,11 @@ def test_numbers_that_change_matrices_are_solved_directly(path, low, high, why):
         alone = fe_squeal.sweep(fe_squeal.assemble(parse_scene(tables)), [row["mu"]], modes=4).points[0].modes
         assert row["worst_re"] == pytest.approx(alone.lam.real.max(), rel=1e-6, abs=1e-3)
         assert bool(row["unstable"]) == bool(np.any(alone.stability == "unstable"))
+
+
+def test_both_axes_of_a_map_with_the_same_number_are_refused_from_python_too():
+    problem, other = fe_squeal.assemble(parse_scene(SCENE)), "mu, springs.across.stiffness"
+    for x, y in (("mu", "mu"), ("mu", "effects.friction.mu"), ("mu", other)):
+        axes = ({"parameter": name, "from": 0.1, "to": 0.4, "points": 3} for name in (x, y))
+        with pytest.raises(SceneError, match=r'^stability_map: .*given "mu" twice; expected every path once'):
+            fe_squeal.stability_map(problem, *axes)
