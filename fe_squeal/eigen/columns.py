@@ -9,7 +9,7 @@ import numpy as np
 
 from ..process.ranks import process_count
 from .linear.column_parts import pieces
-from .linear.processes import give_up, new_handle, together
+from .linear.processes import give_up, local_count, new_handle, together
 from .pages import empty_pages, give_back
 
 _LEAST = 20_000  # rows from which they are spread: a step of all processes costs up to some milliseconds of waiting
@@ -162,6 +162,11 @@ ColumnStore = LocalStore | SpreadStore
 def are_spread(n: int, processes: int) -> bool:
     """Return whether columns of n numbers are spread over so many processes."""
     return processes > 1 and n >= _LEAST
+
+
+def part_here(n: int) -> float:
+    """Return the part of columns of n numbers that the processes of this machine hold."""
+    return local_count() / process_count() if are_spread(n, process_count()) else 1.0
 
 
 def store_for(n: int) -> type[LocalStore] | type[SpreadStore]:

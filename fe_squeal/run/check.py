@@ -6,10 +6,12 @@ import numpy as np
 from rich.table import Table
 
 from ..assembly.discretisation import discretisation_of
+from ..eigen.linear.processes import local_count
 from ..fem.materials import Material
 from ..mesh.measures import volume_of
 from ..problem.parameters import MU
 from ..problem.problem import Problem
+from ..process.ranks import process_count
 from ..report.units import ANY, with_unit
 from ..scene import MatrixScene, Scene
 from ..scene.faults import naming_file
@@ -59,7 +61,8 @@ def describe(scene: Scene | MatrixScene, problem: Problem, machines: Machines | 
     count = count_memory(problem, parameter, values, solve.method, solver)
     forecast = count.at(modes)
     guessed = f"; for {modes} modes, max_frequency may need more" if solve.modes is None and solve.max_frequency else ""
-    table.add_row("predicted memory", f"{forecast}{guessed}")
+    here = f"; of {local_count()} processes on this machine" if process_count() > 1 else ""
+    table.add_row("predicted memory", f"{forecast}{here}{guessed}")
     table.add_row("what fits here", fits_here(count, modes, forecast))
     if machines is not None:
         for name, text in fits_there(problem, count, modes, machines):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..eigen.linear.choice import factor_memory
-from ..eigen.linear.mumps import MUMPS, Mumps, MumpsOptions, has_mumps
+from ..eigen.linear.mumps import MUMPS, has_mumps
 from ..eigen.memory import memory_text
 from ..errors import SceneError, SquealError
 from ..problem.problem import Problem
@@ -67,15 +67,14 @@ def fits_here(count: MemoryCount, modes: int, forecast: MemoryPrediction) -> str
 
 def fits_there(problem: Problem, count: MemoryCount, modes: int, machines: Machines) -> Iterator[tuple[str, str]]:
     """Yield rows, name and text, on P processes: what process 0 and each other take, and whether that fits."""
-    factors, disk, source = _factors(problem, count)
-    P = machines.processes
-    here = process_count() == P and P > 1
+    P, analysed = machines.processes, process_count()
+    factors, disk, source = _factors(problem, count, P)
 
     def share(parts: int, of: int = factors) -> int:
-        return int(of if here else of * parts**-_SPREAD)
+        return int(of * (parts / analysed) ** -_SPREAD)
 
     def first(parts: int, of: int = factors) -> int:
-        return count.at(modes, parts).total - count.factors + share(parts, of)
+        return count.with_factors(share(parts, of)).at(modes, parts).total
 
     vectors = count.share(modes, P)
     others = _PROGRAM + share(P) + vectors
@@ -88,15 +87,14 @@ def fits_there(problem: Problem, count: MemoryCount, modes: int, machines: Machi
     if machines.memory is None:
         return
     room, limit = machines.memory, f"of {memory_text(machines.memory)} each"
-    most = modes_that_fit(count, room - share(P) + count.factors, P)
+    most = modes_that_fit(count.with_factors(share(P)), room, P)
     if first(P) <= room:
         yield limit, f"fits; {_rounded(most)} modes would"
         return
     helps = []
-    if not here:
-        enough = next((p for p in range(P, _MOST_PROCESSES + 1) if first(p) <= room), None)
-        if enough is not None:
-            helps.append(f"{enough} processes")
+    enough = next((p for p in range(P, _MOST_PROCESSES + 1) if first(p) <= room), None)
+    if enough is not None:
+        helps.append(f"{enough} processes")
     if disk is not None and first(P, disk) <= room:
         helps.append("factors on disk (solve.mumps.out_of_core)")
     if most:
@@ -114,8 +112,11 @@ def modes_that_fit(count: MemoryCount, room: int, processes: int | None = None) 
     return low
 
 
-def _factors(problem: Problem, count: MemoryCount) -> tuple[int, int | None, str]:
-    """Return the bytes of the factors on the process that has most, the same out of core if known, and who says so."""
+def _factors(problem: Problem, count: MemoryCount, processes: int) -> tuple[int, int | None, str]:
+    """Return the bytes of the factors on the process that has most, the same out of core if known, and who says so.
+
+    They are those on the processes that there are now, from which others' follow.
+    """
     if not count.factors:
         return 0, 0, "LAPACK, no factors"
     pencil = problem.pencil()
@@ -123,11 +124,16 @@ def _factors(problem: Problem, count: MemoryCount) -> tuple[int, int | None, str
     if not has_mumps():  # whose factors are in double precision
         own = factor_memory(A, symmetric, False)
         return own, None, "by the analysis of this machine's solver, as MUMPS is not installed here"
+    analysed = process_count()
     try:
-        whole, disk = (factor_memory(A, symmetric, False, s) for s in (MUMPS, Mumps(MumpsOptions(out_of_core=True))))
+        told = MUMPS.told(A, symmetric)
     except (SquealError, MemoryError):
+        if analysed > 1:  # whose solver is MUMPS, too
+            raise
         return count.factors, None, "by the analysis of this machine's solver, as MUMPS' own failed"
-    return whole, disk, "by MUMPS' analysis" + ("" if process_count() > 1 else " on one process, and P to the -0.7")
+    on = "one process" if analysed == 1 else f"{analysed} processes"
+    extrapolated = "" if analysed == processes > 1 else f" on {on}, and P to the -0.7"
+    return told.largest, told.largest_on_disk, f"by MUMPS' analysis{extrapolated}"
 
 
 def _not_here() -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import psutil
 import scipy.sparse as sp
 
-from ..eigen.columns import are_spread
+from ..eigen.columns import are_spread, part_here
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory, is_large
 from ..eigen.linear.factor import LinearSolver
@@ -21,7 +21,6 @@ from ..errors import NotConvergedError, SquealError
 from ..problem.aside import movable_bytes
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
-from ..process.ranks import process_count
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
 
@@ -79,7 +78,8 @@ class MemoryPrediction:
     Attributes
     ----------
     total : int, bytes
-        Memory of the whole process, with everything that is loaded now.
+        Memory of the whole process, with everything that is loaded now, and under mpiexec what the other processes of
+        this machine, which are loaded already, take besides: their parts of factors and vectors.
     factors : int, bytes
         Memory of the sparse factors, as part of the total.
     free : int, bytes
@@ -152,12 +152,14 @@ class MemoryCount:
     large: bool = False
 
     def at(self, modes: int, processes: int | None = None) -> MemoryPrediction:
-        """Return the prediction for a number of modes, on the first of some processes (those that there are)."""
+        """Return the prediction for a number of modes: on this machine, or of the first of some processes alone.
+
+        Factors count as they are given: of all processes on this machine, unless `with_factors` has other ones.
+        """
         parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
-        processes = processes or process_count()
         if n > DENSE_LIMIT and self.reduced:
             guarded, basis = self._vectors(modes)
-            here = 1 / processes if are_spread(n, processes) else 1.0
+            here = part_here(n) if processes is None else 1 / processes if are_spread(n, processes) else 1.0
             number = 16 if kind == "complex" else 8
             order = 2 * basis if kind == "quadratic" else basis
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
@@ -176,6 +178,10 @@ class MemoryCount:
         strong = int(_STRONG[kind] * self.factors) if self.large else 0
         free, taken = available_memory(), int(psutil.Process().memory_info().rss)
         return MemoryPrediction(sum(parts.values()), self.factors, free, self.reduced, parts, strong, taken)
+
+    def with_factors(self, factors: int) -> MemoryCount:
+        """Return the same with factors of so many bytes."""
+        return replace(self, factors=factors, fixed={**self.fixed, "factors": factors})
 
     def share(self, modes: int, processes: int) -> int:
         """Return the bytes of the vectors that each of several processes has a part of."""

@@ -18,9 +18,10 @@ from scene_texts import replaced, write_scene
 from toy_solver import Toy
 
 from fe_squeal.cli import main
-from fe_squeal.eigen import memory
-from fe_squeal.eigen.linear import choice
+from fe_squeal.eigen import columns, memory
+from fe_squeal.eigen.linear import choice, mumps
 from fe_squeal.eigen.linear.pardiso import has_pardiso
+from fe_squeal.eigen.linear.petsc import Told
 from fe_squeal.run import fits
 from fe_squeal.run.fits import Machines, fits_here, fits_there, modes_that_fit
 from fe_squeal.sweep.forecast import MemoryCount, count_memory
@@ -97,7 +98,7 @@ def test_strong_friction_that_does_not_fit_is_told():
 
 def rows(processes, gib, modes=50):
     memory = None if gib is None else int(gib * 2**30)
-    return [text for _, text in fits_there(None, LARGE, modes, Machines(processes, memory))]
+    return [text for _, text in fits_there(chain(), LARGE, modes, Machines(processes, memory))]
 
 
 def spread():
@@ -107,7 +108,7 @@ def spread():
 
 def test_process_0_holds_all_but_the_others_parts(monkeypatch):
     """Of the factors and of the basis, which is spread evenly."""
-    monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
+    monkeypatch.setattr(fits, "_factors", lambda _, count, processes: (count.factors, None, "as given"))
     besides = (LARGE.at(50).total - LARGE.factors) / 2**20
     for count in (1, 2, 8):
         found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", rows(count, None)[0])]
@@ -121,7 +122,7 @@ def test_process_0_holds_all_but_the_others_parts(monkeypatch):
 
 def test_what_would_fit_on_processes_does(monkeypatch):
     """The number of processes that is named is the smallest; fewer modes, and the memory of process 0, suffice too."""
-    monkeypatch.setattr(fits, "_factors", lambda _, count: (count.factors, None, "as given"))
+    monkeypatch.setattr(fits, "_factors", lambda _, count, processes: (count.factors, None, "as given"))
     total = LARGE.at(50).total / 2**30
     assert "does not fit" in rows(1, total - 0.01)[1] and rows(1, total + 0.01)[1].startswith("fits; 5")
     room = total - (10**9 * (1 - 8**-0.7) + spread() * 7 / 8) / 2**30 + 1e-4
@@ -131,6 +132,57 @@ def test_what_would_fit_on_processes_does(monkeypatch):
     modes = int(re.search(r"(\d+) modes", said)[1])
     assert rows(2, room, modes)[1].startswith("fits") and rows(2, room, modes + 1)[1].startswith("does not")
     assert "processes" not in rows(2, 1.0)[1]  # process 0 holds more than that besides its part of the factors
+
+
+LARGEST, ON_DISK = 4 * 10**8, 10**8  # bytes of factors on the process that has most, told by the analysis of `started`
+
+
+def started(monkeypatch, processes, here):
+    """Be process 0 of so many that mpiexec has started, some of them on this machine, with MUMPS."""
+    told = Told(-9, 0, 0, LARGEST, processes * LARGEST, ON_DISK, processes * ON_DISK, 10**9, 1e12)
+    for module in (fits, columns):
+        monkeypatch.setattr(module, "process_count", lambda: processes)
+    for module in (mumps, columns):
+        monkeypatch.setattr(module, "local_count", lambda: here)
+    monkeypatch.setattr(mumps, "together", lambda *_, **__: told)
+    monkeypatch.setattr(fits, "has_mumps", lambda: True)
+
+
+@pytest.mark.parametrize(
+    ("processes", "asked", "source"),
+    [
+        (4, 4, "by MUMPS' analysis"),
+        (2, 8, "by MUMPS' analysis on 2 processes, and P to the -0.7"),
+        (1, 4, "by MUMPS' analysis on one process, and P to the -0.7"),
+    ],
+)
+def test_under_mpiexec_each_process_has_its_own_factors(processes, asked, source, monkeypatch):
+    """On one machine or on several; other numbers of processes follow from the largest part on those that there are."""
+    for here in {1, processes}:
+        started(monkeypatch, processes, here)
+        factors, disk = (of * (processes / asked) ** 0.7 for of in (LARGEST, ON_DISK))
+        besides = LARGE.at(50, 1).total - LARGE.factors - spread() * (1 - 1 / asked)
+
+        parts, room = rows(asked, (besides + factors) / 2**30 + 1e-4)
+        assert parts.endswith(f"({source})") and room.startswith("fits; 50 modes")
+        found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", parts)]
+        expected = [besides + factors, factors, spread() / asked, 120 * 2**20 + factors + spread() / asked]
+        assert found == pytest.approx([size / 2**20 for size in expected], rel=5e-3)
+        room = rows(asked, (besides + factors) / 2**30 - 1e-4)[1]
+        assert f"does not fit; what would: {asked + 1} processes, or factors on disk" in room
+        assert "factors on disk" in rows(asked, (besides + disk) / 2**30 + 1e-4)[1]
+        assert "factors on disk" not in rows(asked, (besides + disk) / 2**30 - 1e-4)[1]
+
+
+@pytest.mark.parametrize(("processes", "here"), [(1, 1), (4, 1), (4, 2), (4, 4)])
+def test_the_forecast_is_what_this_machine_holds(processes, here, monkeypatch):
+    """Of spread vectors the parts of its processes, and the largest part of the factors for each of them."""
+    whole = LARGE.at(50, 1).total
+    started(monkeypatch, processes, here)
+    assert LARGE.at(50).total == pytest.approx(whole - spread() * (1 - here / processes), rel=1e-9)
+    A = chain().pencil().K
+    assert mumps.Mumps().memory(A, False) == here * LARGEST
+    assert mumps.Mumps(mumps.MumpsOptions(out_of_core=True)).memory(A, False) == here * ON_DISK
 
 
 @pytest.mark.parametrize(

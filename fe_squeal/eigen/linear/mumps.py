@@ -235,10 +235,14 @@ class Mumps:
         """Return factors of a definite matrix."""
         return MumpsDefinite(A, self.options)
 
+    def told(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> Told:
+        """Return what the analysis of a matrix (n, n), real or complex, tells, without its factors."""
+        real = _real_form(A) if np.iscomplexobj(A) else _sorted(A)
+        return told_of(real, symmetric and not np.iscomplexobj(A), definite, self.options)
+
     def memory(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
         """Return the bytes that MUMPS' analysis expects of the processes on this machine."""
-        real = _real_form(A) if np.iscomplexobj(A) else _sorted(A)
-        return _here(told_of(real, symmetric and not np.iscomplexobj(A), definite, self.options), self.options)
+        return _here(self.told(A, symmetric, definite), self.options)
 
 
 MUMPS = Mumps()

@@ -165,7 +165,15 @@ def _after(failure: BaseException | None, count: int) -> BaseException:
 
 
 def local_count() -> int:
-    """Return how many processes run on this machine, 1 without others; known to process 0 once all took part."""
+    """Return how many processes run on this machine, 1 without others; process 0 waits until all are there.
+
+    Raises
+    ------
+    InputError
+        Another process runs a program of its own.
+    """
+    if (comm := _comm()) is not None:
+        _meet(comm)
     return (_state.machines or [_machine()]).count(_machine())
 
 
