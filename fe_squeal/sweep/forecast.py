@@ -13,7 +13,7 @@ from ..eigen.columns import are_spread, part_here
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory, is_large
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.linear.superlu import superlu_memory
+from ..eigen.linear.superlu import solid_memory
 from ..eigen.memory import available_memory, memory_text, release_freed
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below, symmetric_part
@@ -334,4 +334,4 @@ def _factors(
     except NotConvergedError:  # the analysis fails, and so will the solve, which reports why
         return 0
     except MemoryError:  # the analysis itself did not fit
-        return superlu_memory(A, symmetric)
+        return solid_memory(A, symmetric)

@@ -21,11 +21,14 @@ from fe_squeal.errors import TooLargeError
 needs_pardiso = pytest.mark.skipif(not has_pardiso(), reason="PARDISO is not installed")
 
 
+def line(m: int) -> sp.dia_array:
+    return sp.diags_array([2.001 * np.ones(m), -np.ones(m - 1), -np.ones(m - 1)], offsets=[0, 1, -1])
+
+
 def solid(m: int) -> sp.csr_array:
     """The seven-point matrix of a cube."""
-    line = sp.diags_array([2.001 * np.ones(m), -np.ones(m - 1), -np.ones(m - 1)], offsets=[0, 1, -1])
-    one = sp.eye_array(m)
-    parts = [sp.kron(sp.kron(a, b), c) for a, b, c in ((line, one, one), (one, line, one), (one, one, line))]
+    along, one = line(m), sp.eye_array(m)
+    parts = [sp.kron(sp.kron(a, b), c) for a, b, c in ((along, one, one), (one, along, one), (one, one, along))]
     return sp.csr_array(parts[0] + parts[1] + parts[2])
 
 
@@ -93,6 +96,45 @@ def test_superlu_law_is_right_to_a_factor_of_three(symmetric):
         factors = superlu.SuperLUFactor(A, symmetric)._lu
         real = 12 * (factors.L.nnz + factors.U.nnz) * (2 if symmetric else 1)  # with the copy whose pivots are counted
         assert 1 / 3 < superlu.superlu_memory(A, symmetric) / real < 3
+
+
+def narrow(kind: str) -> sp.csr_array:
+    """A chain, a strip of squares with six unknowns a node, or the same matrix with nodes in any order."""
+    if kind == "chain":
+        return sp.csr_array(line(3000))
+    A = sp.csr_array(sp.kron(sp.kron(line(250), line(4)), np.ones((6, 6)) + 90 * np.eye(6)))
+    order = np.random.default_rng(1).permutation(A.shape[0]) if kind == "shuffled" else np.arange(A.shape[0])
+    return sp.csr_array(A[order][:, order])
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("kind", ["chain", "strip", "shuffled"])
+def test_narrow_matrices_need_less_than_solids(kind: str, symmetric: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The envelope of a triangle holds each factor, and of beams and strips not much more; rows are exchanged, too."""
+    A = narrow(kind)
+    if not symmetric:
+        rng = np.random.default_rng(2)
+        A.data = rng.uniform(-1, 1, A.nnz)
+        A = sp.csr_array(sp.triu(A) + sp.tril(A) * (rng.uniform(size=A.shape[0]) < 0.9)[:, None])
+    told = superlu.superlu_memory(A, symmetric)
+    assert told < superlu.solid_memory(A, symmetric) / 3
+    monkeypatch.setattr(memory, "available_memory", lambda: told)
+    factors = superlu.SuperLUFactor(A, symmetric)._lu
+    real = 12 * (factors.L.nnz + factors.U.nnz) * (2 if symmetric else 1)
+    assert 0.9 < told / real < 5
+    monkeypatch.setattr(memory, "available_memory", lambda: told - 1)
+    with pytest.raises(TooLargeError, match=r"about .* unknowns would fit"):
+        superlu.SuperLUFactor(A, symmetric)
+
+
+def test_envelopes_are_counted() -> None:
+    """Of a chain 2n − 1 entries in a triangle; of unknowns alone n; of a full matrix n(n + 1)/2; also with one side."""
+    n = 50
+    upper = sp.diags_array([np.ones(n - 1)], offsets=[1], shape=(n, n))
+    for A, count in ((upper, 2 * n - 1), (upper * 0, n), (sp.eye_array(n), n), (np.ones((n, n)), n * (n + 1) // 2)):
+        assert superlu._envelope(sp.csr_array(A)) == count
+    # A million unknowns in a chain: 2n - 1 entries of eight bytes and an index in L and in U, and their copies.
+    assert superlu.superlu_memory(sp.csr_array(line(10**6)), True) == 2 * 2 * (2 * 10**6 - 1) * 12
 
 
 def test_command_says_what_would_fit(tmp_path, monkeypatch, capsys):

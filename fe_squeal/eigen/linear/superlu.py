@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import functools
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu, spsolve_triangular
 
-from ...errors import NotConvergedError
+from ...errors import NotConvergedError, TooLargeError
 from ..memory import require_memory
 from .factor import DefiniteFactor, Factor, SingularError, solve_real_parts
 
 # Entries of SuperLU's factors of solids over n to the 4/3, by whether the matrix is symmetric (then 9 to 44, measured).
 _FILL = {True: 20.0, False: 45.0}
+# The same over the entries of the envelope of one triangle: L and U without exchanges of rows; with these U's band is
+# as wide as its own and L's (Golub and Van Loan, Matrix Computations, section 4.3).
+_IN_ENVELOPE = {True: 2, False: 3}
 _ON_DIAGONAL: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 # Pivots on the diagonal count as stable if no residual of the trial solve exceeds so much of the sum of its terms'
 # sizes. Of solids it is some 1e-16; three digits may be lost, as by the exchange of rows where units are unlike.
@@ -39,7 +44,7 @@ class SuperLUFactor:
 
     def __init__(self, A: sp.csr_array, symmetric: bool) -> None:
         self._complex = np.iscomplexobj(A)
-        require_memory(superlu_memory(A, symmetric), A.shape[0])
+        _require(A, symmetric)
         self._lu: Any = None
         self._order: np.ndarray | None = None  # of the unknowns in the matrix that SuperLU is given, if not A's own
         self._signs = False  # whether the signs of the pivots are those of the eigenvalues
@@ -135,7 +140,7 @@ class SuperLUCholesky:
     """LDLᵀ by SuperLU without pivoting off the diagonal."""
 
     def __init__(self, A: sp.csr_array) -> None:
-        require_memory(superlu_memory(A, True), A.shape[0])
+        _require(A, True)
         self._lu = _factors(A, permc_spec="MMD_AT_PLUS_A", **_ON_DIAGONAL)
         pivots = self._lu.U.diagonal()
         if not (pivots > 0).all() or not _unexchanged(self._lu):
@@ -156,15 +161,43 @@ class SuperLUCholesky:
         return np.asarray(spsolve_triangular(sp.csr_array(self._lu.U), scaled, lower=False))[self._lu.perm_c]
 
 
-def superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
-    """Return the bytes that SuperLU's factors of a solid's matrix take, to a factor of three.
+def _require(A: sp.csr_array, symmetric: bool) -> None:
+    """Refuse factors that cannot fit; the pattern is looked at where those of a solid could not."""
+    with suppress(TooLargeError):
+        require_memory(solid_memory(A, symmetric), A.shape[0])
+        return
+    require_memory(superlu_memory(A, symmetric), A.shape[0])
 
-    Factors of a real symmetric matrix count twice: SciPy copies them when their pivots are counted.
+
+def superlu_memory(A: sp.csr_array, symmetric: bool) -> int:
+    """Return the bytes that SuperLU's factors take: as of a solid, or less where the pattern of A (n, n) is narrow.
+
+    In the order of reverse Cuthill and McKee no factor has entries outside the envelope of A + Aᵀ, which has
+    Σ (i − f(i) + 1) entries in one triangle, where f(i) is the first column of row i. SuperLU's own orders fill less.
     """
-    entries = _FILL[symmetric] * A.shape[0] ** (4 / 3)
-    if symmetric and not np.iscomplexobj(A):
-        entries *= 2
-    return int(entries * (A.dtype.itemsize + 4))
+    return min(solid_memory(A, symmetric), _bytes(_IN_ENVELOPE[symmetric] * _envelope(A), A, symmetric))
+
+
+def solid_memory(A: sp.csr_array, symmetric: bool) -> int:
+    """Return the bytes that SuperLU's factors of a solid's matrix (n, n) take, to a factor of three."""
+    return _bytes(_FILL[symmetric] * A.shape[0] ** (4 / 3), A, symmetric)
+
+
+def _bytes(entries: float, A: sp.csr_array, symmetric: bool) -> int:
+    """Return the bytes of factors; real symmetric ones count twice, as SciPy copies them to count their pivots."""
+    copies = 2 if symmetric and not np.iscomplexobj(A) else 1
+    return int(copies * entries * (A.dtype.itemsize + 4))
+
+
+def _envelope(A: sp.csr_array) -> int:
+    """Return the number of entries of the envelope of a triangle of A + Aᵀ, in the order of reverse Cuthill-McKee."""
+    n = A.shape[0]
+    pattern = sp.csr_array((np.ones(len(A.indices), np.int8), A.indices, A.indptr), shape=A.shape)
+    pattern = sp.csr_array(pattern + pattern.T + sp.eye_array(n, dtype=np.int8))  # no row is empty
+    place = np.empty(n, int)
+    place[reverse_cuthill_mckee(pattern, symmetric_mode=True)] = np.arange(n)
+    first = np.minimum.reduceat(place[pattern.indices], pattern.indptr[:-1])
+    return int((place - first + 1).sum())
 
 
 class SuperLU:
@@ -181,7 +214,7 @@ class SuperLU:
         return SuperLUCholesky(A)
 
     def memory(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> int:
-        """Return what factors of meshes of solids take, to a factor of three."""
+        """Return what factors take at most, of meshes of solids to a factor of three."""
         return superlu_memory(A, symmetric)
 
 
