@@ -17,18 +17,26 @@ import scipy.linalg as la
 
 from ..errors import SquealError, TooLargeError
 
-_GROUP = Path("/sys/fs/cgroup")  # Linux: of the container that this process runs in
+# Linux: the control groups of the container, job or service that this process runs in, and which of them are its own.
+_GROUP, _MEMBER = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+# Files of a group's limit and of what it takes, and the line of the files' memory that it gives up: versions 2 and 1.
+_LIMITS = {
+    2: ("memory.max", "memory.current", "inactive_file"),
+    1: ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+}
 _GROWTH = 3 / 4  # exponent of the unknowns of a solid over the memory of its factors
 _BUFFERS = 2**26  # bytes: more than OpenBLAS takes for its working memory, which it does once
 _SMALLER = "take a larger mesh size or order = 1"
 
 
 def available_memory() -> int:
-    """Return the bytes that this process may still take: of the machine, of its container and of its own limits."""
+    """Return the bytes that this process may still take: of the machine, of its groups and of its own limits."""
     free = [int(psutil.virtual_memory().available)]
-    with suppress(OSError, ValueError):  # no such files, or no limit ("max")
-        limit, used = (int((_GROUP / f"memory.{name}").read_text()) for name in ("max", "current"))
-        free.append(limit - used + _reclaimable())
+    for folder, version in _groups():
+        limit_file, used_file, unused = _LIMITS[version]
+        with suppress(OSError, ValueError):  # no such files, or no limit ("max")
+            limit, used = (int((folder / name).read_text()) for name in (limit_file, used_file))
+            free.append(limit - used + _reclaimable(folder, unused))
     with suppress(AttributeError):  # not every system has these
         process = psutil.Process()
         limit = int(process.rlimit(psutil.RLIMIT_AS)[0])
@@ -37,11 +45,30 @@ def available_memory() -> int:
     return max(min(free), 0)
 
 
-def _reclaimable() -> int:
-    """Return the bytes of files that the container's memory holds, unused: the system gives them up when asked."""
+def _groups() -> Iterator[tuple[Path, int]]:
+    """Yield the folders of the groups that limit this process's memory, and their version: its own and all around."""
+    yield _GROUP, 2
+    lines = []
+    with suppress(OSError):
+        lines = _MEMBER.read_text(errors="surrogateescape").splitlines()
+    for line in lines:
+        _, controllers, path = [*line.split(":", 2), "", ""][:3]
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        folder, version = (_GROUP / "memory", 1) if controllers else (_GROUP, 2)
+        yield folder, version
+        for name in path.strip("/").split("/"):
+            if name == "..":  # of a group outside of what can be seen from here
+                break
+            folder /= name
+            yield folder, version
+
+
+def _reclaimable(folder: Path, name: str) -> int:
+    """Return the bytes of files that a group's memory holds, unused: the system gives them up when asked."""
     with suppress(OSError, ValueError):
-        known = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
-        return int(known.get("inactive_file", 0))
+        known = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        return int(known.get(name, 0))
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,61 @@ def test_there_is_memory_and_limits_count(tmp_path, monkeypatch):
     assert memory.available_memory() == 700_000  # files that were read count as used until somebody wants the memory
     (tmp_path / "memory.max").write_text("max\n")
     assert memory.available_memory() > 2**28
+
+
+def group(folder: Path, **files: object) -> None:
+    """Write the files of a control group, named with _ for a point."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / f"memory.{name}").write_text(f"{content}\n")
+
+
+@pytest.fixture
+def groups(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """Make this process one of control groups, by the lines that the system has of them; returns their folder."""
+
+    def of(lines: str) -> Path:
+        (tmp_path / "cgroup").write_text(lines)
+        monkeypatch.setattr(memory, "_GROUP", tmp_path / "fs")
+        monkeypatch.setattr(memory, "_MEMBER", tmp_path / "cgroup")
+        return tmp_path / "fs"
+
+    return of
+
+
+@pytest.mark.parametrize(("job", "step", "free"), [
+    (900_000, "max", 600_000), (900_000, 300_000, 200_000), ("max", "max", None),
+])  # fmt: skip
+def test_limits_of_a_job_count(job: object, step: object, free: int | None, groups: Callable[[str], Path]) -> None:
+    """Of SLURM or systemd, cgroup v2: its own group's and those of the groups around it, which it may not see all."""
+    root = groups("0::/system.slice/job_7/step_0/task\n")
+    around = root / "system.slice" / "job_7"
+    group(around, max=job, current=400_000, stat="anon 1\ninactive_file 100000")
+    group(around / "step_0", max=step, current=100_000)
+    (around / "step_0" / "task").mkdir()
+    found = memory.available_memory()
+    assert found == free if free else found > 2**28
+
+
+def test_limits_of_older_systems_count(groups: Callable[[str], Path]) -> None:
+    """cgroup v1: by the line of the controller, beside other ones; a limit near 2⁶³ is none."""
+    root = groups("11:cpu,cpuacct:/job\n7:memory:/slurm/uid_0/job_7\n1:name=systemd:/memory\n0::/user.slice\n")
+    none = 2**63 - 4096
+    job = root / "memory" / "slurm" / "uid_0" / "job_7"
+    group(root / "memory", limit_in_bytes=none, usage_in_bytes=10**9)
+    group(job.parent, limit_in_bytes=none, usage_in_bytes=10**6)
+    group(job, limit_in_bytes=none, usage_in_bytes=10**6)
+    assert memory.available_memory() > 2**28
+    group(job.parent, limit_in_bytes=700_000, usage_in_bytes=400_000, stat="inactive_file 1\ntotal_inactive_file 50000")
+    assert memory.available_memory() == 350_000
+
+
+def test_a_group_that_is_not_there_is_no_limit(groups: Callable[[str], Path], tmp_path: Path) -> None:
+    """As of a container that sees its own files as the uppermost, by a name from outside; and lines of nonsense."""
+    root = groups("0::/docker/1f/../..\nnonsense\n")
+    group(root, max=900_000, current=400_000)
+    group(tmp_path, max=1000, current=999)
+    assert memory.available_memory() == 500_000
 
 
 def test_what_cannot_fit_is_refused_with_numbers(monkeypatch):
