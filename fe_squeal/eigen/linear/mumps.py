@@ -65,6 +65,7 @@ class MumpsFactor:
             definite=definite, options=options, analyse_only=False,
         )  # fmt: skip
         self._raise(told)
+        self._told = told
         counts = symmetric and not self._complex
         self.negative_pivots: int | None = told.negative if counts else None
         self._rho = 0.0
@@ -107,8 +108,25 @@ class MumpsFactor:
         if told.error < 0:
             raise NotConvergedError(f"MUMPS failed with error {told.error}")
 
+    def _raise_from_solve(self, error: int) -> None:
+        """Raise what an error of the solve phase means for who runs the program."""
+        if error == _NO_DISK:
+            raise TooLargeError(
+                f"solve.mumps.folder: MUMPS could not read the factors of {self._n} unknowns in {self._options.folder};"
+                f" were files removed there while the program ran, or is that disk gone?"
+            )
+        self._raise(replace(self._told, error=error))
+
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return A⁻¹ b."""
+        """Return A⁻¹ b.
+
+        Raises
+        ------
+        TooLargeError
+            There is no memory for the solve, or factors on disk cannot be read.
+        NotConvergedError
+            MUMPS fails otherwise.
+        """
         solve = partial(self._apply, transposed=False)
         return refined(self._matrix, solve, b, self._rho) if self._rho else solve(b)
 
@@ -136,10 +154,13 @@ class MumpsFactor:
             return np.zeros(b.shape)
         parts = []
         for begin, end in pieces(*columns.shape):
-            parts.append(together("solve", columns[:, begin:end], handle=self._handle, n=self._size,
-                                  columns=end - begin, transposed=transposed))  # fmt: skip
-            if not np.isfinite(parts[-1]).all():
+            part, error = together("solve", columns[:, begin:end], handle=self._handle, n=self._size,
+                                   columns=end - begin, transposed=transposed)  # fmt: skip
+            if error < 0:
+                self._raise_from_solve(error)
+            if not np.isfinite(part).all():
                 raise SingularError("MUMPS: the matrix is singular to working precision")
+            parts.append(part)
         x: np.ndarray = parts[0] if len(parts) == 1 else np.hstack(parts)
         return x.reshape(b.shape)
 

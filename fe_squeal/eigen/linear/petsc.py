@@ -167,8 +167,12 @@ class PetscMatrix:
         operations = factor.getMumpsRinfog(_OPERATIONS)
         return Told(error, negative, zero, here[0], here[1], disk[0], disk[1], files, operations)
 
-    def solve(self, b: np.ndarray, transposed: bool) -> np.ndarray:
-        """Return this process's rows (m, k) of A⁻¹ b, or A⁻ᵀ b, for its rows (m, k) of b."""
+    def solve(self, b: np.ndarray, transposed: bool) -> tuple[np.ndarray, int]:
+        """Return this process's rows (m, k) of A⁻¹ b, or A⁻ᵀ b, for its rows (m, k) of b, and MUMPS' error.
+
+        The error is INFOG(1), the same on every process: negative where rows are not known, which are NaN then. PETSc
+        itself would raise it as an error of its own, with another number.
+        """
         PETSc, k = petsc(), b.shape[1]
         sizes = ((self._own, self._n), (None, k))
         B = PETSc.Mat().createDense(sizes, array=np.asfortranarray(b, dtype=float), comm=self._matrix.comm)
@@ -176,14 +180,19 @@ class PetscMatrix:
         X.setUp()
         # PETSc has blocks of right-hand sides for A alone; MUMPS does the same for Aᵀ.
         self._factor.setMumpsIcntl(_TRANSPOSED, 0 if transposed else 1)
+        error = 0
         try:
             self._factor.matSolve(B, X)
+        except PETSc.Error:
+            error = self._factor.getMumpsInfog(_ERROR)
+            if error >= 0:  # not one of MUMPS, and perhaps of this process alone
+                raise
         finally:
             self._factor.setMumpsIcntl(_TRANSPOSED, 1)
-        x = np.array(X.getDenseArray())
+        x = np.array(X.getDenseArray()) if error >= 0 else np.full(b.shape, np.nan)
         for matrix in (B, X):
             matrix.destroy()
-        return x
+        return x, error
 
     def destroy(self) -> None:
         """Give the memory back, on all processes together."""

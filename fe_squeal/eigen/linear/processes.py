@@ -73,14 +73,15 @@ def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> Told:
     return told
 
 
-def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> np.ndarray | None:
-    """Return A⁻¹ b or A⁻ᵀ b (n, k) on process 0."""
+def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> tuple[np.ndarray | None, int]:
+    """Return A⁻¹ b or A⁻ᵀ b (n, k) on process 0, and the error that MUMPS tells, on which no process raises alone."""
     matrix = _matrices[what["handle"]]
     if comm is None:
         assert b is not None
         return matrix.solve(b, what["transposed"])
     own = scattered(comm, what["n"], what["columns"], b)
-    return gathered(comm, what["n"], matrix.solve(own, what["transposed"]))
+    x, error = matrix.solve(own, what["transposed"])
+    return gathered(comm, what["n"], x), error
 
 
 def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
