@@ -124,18 +124,24 @@ def require_memory(needed: int, unknowns: int, what: str = "factors", exponent: 
                          unknowns, exponent)  # fmt: skip
 
 
-def require_vectors(unknowns: int, vectors: int, bytes_per_number: int) -> None:
+def require_vectors(unknowns: int, vectors: int, bytes_per_number: int, part: float = 1.0) -> None:
     """Refuse modes whose vectors cannot fit.
+
+    Parameters
+    ----------
+    part : float
+        Of the vectors, which this machine's processes hold where vectors are spread over several machines.
 
     Raises
     ------
     TooLargeError
     """
-    needed, free = unknowns * vectors * bytes_per_number, available_memory()
+    needed, free = part * unknowns * vectors * bytes_per_number, available_memory()
     if needed > free:
+        here = " on this machine" if part < 1 else ""
         raise TooLargeError(
-            f"the {vectors} vectors that the modes of {unknowns} unknowns ask for need {memory_text(needed)} of memory,"
-            f" {memory_text(free)} are free; ask for fewer modes, or {_SMALLER}"
+            f"the {vectors} vectors that the modes of {unknowns} unknowns ask for need {memory_text(needed)} of memory"
+            f"{here}, {memory_text(free)} are free; ask for fewer modes, or {_SMALLER}"
         )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..eigen.block_lanczos import lowest_modes
+from ..eigen.columns import part_here
 from ..eigen.growth import sizes
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import choose, is_large
@@ -116,7 +117,7 @@ class BegunModel(GrowingModel):
         M, n, large = base.M, base.n, is_large(base.K.nnz, self.linear_solver)
         del base  # and its K, before there are many vectors
         count = min(int(_GUARD * count) + 4, n)
-        require_vectors(n, _LANCZOS * count, 8)
+        require_vectors(n, _LANCZOS * count, 8, part_here(n))
         theta, vectors = lowest_modes(definite, M, self._sigma, count, _ROUGH)
         self._corrections = ModeCorrections(
             problem, self._sigma, request.tolerance, start, self.linear_solver, definite, large

@@ -17,14 +17,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from selection import some
 
 from fe_squeal import sweep
-from fe_squeal.eigen import block_lanczos, columns
+from fe_squeal.eigen import block_lanczos, columns, memory
 from fe_squeal.eigen.block_lanczos import lowest_modes
 from fe_squeal.eigen.blocks import combine, cross, form, lift, put_combined
 from fe_squeal.eigen.columns import LocalStore, SpreadColumns, SpreadStore, transposed
 from fe_squeal.eigen.linear import column_parts
 from fe_squeal.eigen.linear.choice import factorize_definite
+from fe_squeal.errors import TooLargeError
 from fe_squeal.process.ranks import process_count
-from fe_squeal.reduced import ReducedModel, basis
+from fe_squeal.reduced import ReducedModel, basis, begun
 
 N, R = 101, 7
 
@@ -163,3 +164,27 @@ def test_memory_behind_the_columns_that_are_kept_is_given_back(kind):
     assert_array_equal(np.asarray(store.columns(kept))[:: n // 7], np.tile(np.arange(3.0), (8, 1)))
     store.put(kept, np.full((n, 1), 9.0))
     assert_array_equal(np.asarray(store.columns(kept + 1))[:: n // 7, -1], np.full(8, 9.0))
+
+
+@pytest.mark.parametrize(("least", "here", "quarters"), [(0, 1, 1), (0, 3, 3), (0, 4, 4), (10**6, 1, 4)])
+def test_each_machine_needs_room_for_its_own_rows(least, here, quarters, monkeypatch):
+    """Of the vectors that a reduced model begins with, on four processes; all where they are not spread."""
+    n, modes = 450, 8
+
+    def require(unknowns, vectors, size, *part):
+        assert (unknowns, size) == (n, 8) and vectors > 5 * modes
+        asked = n * vectors * size * quarters // 4
+        for free in (asked, asked - 1):
+            monkeypatch.setattr(memory, "available_memory", lambda free=free: free)
+            fitted.append(free)
+            memory.require_vectors(unknowns, vectors, size, *part)
+
+    fitted = []
+    monkeypatch.setattr(columns, "_LEAST", least)
+    monkeypatch.setattr(columns, "process_count", lambda: 4)
+    monkeypatch.setattr(columns, "local_count", lambda: here)
+    monkeypatch.setattr(begun, "require_vectors", require)
+    on = " on this machine" if quarters < 4 else ""
+    with pytest.raises(TooLargeError, match=rf"vectors that the modes .* need [\d.]+ MiB of memory{on}, .* are free"):
+        sweep(chain(n=n), [0.0, 0.1], modes=modes, method="reduced")
+    assert len(fitted) == 2
