@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import NotConvergedError, SceneError, SceneWarning, TooLargeError
-from ..problem.parameters import parameter_name, paths_of
+from ..problem.parameters import MU, parameter_name, paths_of
 
 if TYPE_CHECKING:
     from ..eigen.linear.factor import LinearSolver
@@ -55,7 +55,8 @@ def sweep(
     values : (m,) float
         Values of the parameter, ascending, in its unit.
     parameter : str
-        "mu" (friction coefficient), or the path of another number in the scene, such as "springs.along.stiffness".
+        "mu" (friction coefficient), or the path of another number in the scene, such as "springs.along.stiffness". A
+        problem without friction has one value of "mu", whichever.
     modes : int, optional
         Number of modes, those of the lowest frequencies (default 20).
     max_frequency : float, Hz, optional
@@ -122,11 +123,11 @@ def sweep(
 
     _check_request(modes, max_frequency, tolerance, method)
     parameter = parameter_name(parameter)
+    values, solver = checked_values(problem, parameter, values), choose(linear_solver)
+    if not problem.has(parameter):  # one value of mu where there is no friction
+        problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     if problem.source is None:
         check_terms(problem.terms)
-    values, solver = checked_values(problem, parameter, values), choose(linear_solver)
-    if len(values) == 1 and not problem.has(parameter):  # a scene without friction has no mu, and needs none
-        problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     problem = problem.solved_with(solver).prepared(parameter, values)
     request = Request(None if max_frequency else MODES if modes is None else modes, max_frequency, tolerance)
     tracker = RunningSweep(problem, parameter, request, values, precise, solver)
@@ -254,8 +255,9 @@ def checked_values(problem: Problem, parameter: str, values: Sequence[float] | n
                     f"sweep: given {path} from {grid[0]:g} to {grid[-1]:g}, of which {pole} has a negative power;"
                     " expected values that are all above 0 or all below"
                 )
-    if len(grid) > 1:
-        problem.value(parameter)  # raises SceneError if the problem does not have it
+    if len(grid) > 1 or parameter != MU:  # a scene without friction has no mu, and needs none for one value
+        for path in paths_of(parameter):
+            problem.value(path)  # raises SceneError if the problem does not have it
     if problem.source is not None:
         # Of what multiplies terms, with 0 a term is not there, whatever the scene says, and between the ends is what
         # the ends allow. Of anything else any value may be one that the scene does not allow.

@@ -271,6 +271,19 @@ def test_what_a_sweep_cannot_be_asked_for(given, told):
     assert str(caught.value) == told
 
 
+def test_one_value_is_of_a_parameter_that_there_is(problem: Problem) -> None:
+    """As several are; without friction one value of mu changes nothing, and is taken: θ = 1 and 2 here."""
+    with pytest.raises(SceneError, match=rf'given "springs\.piston\.stifness"; .* did you mean "{PISTON}"\?'):
+        fe_squeal.sweep(problem, [2e7], parameter="springs.piston.stifness", modes=2)
+    one, two = sp.eye_array(2, format="csr"), sp.csr_array(np.diag([1.0, 2.0]))
+    plain = Problem((Term("inertia", "M", one, True), Term("springs", "K", two, True)), {})
+    for name in ("k", "mu, k"):
+        with pytest.raises(SceneError, match=r"^the problem has no parameter"):
+            fe_squeal.sweep(plain, [0.3], parameter=name, modes=2)
+    (point,) = fe_squeal.sweep(plain, [0.3], modes=2).points
+    assert point.modes.lam.imag**2 == pytest.approx([1.0, 2.0], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "values", [(v / 2 for v in range(3)), range(2), (0, 1), np.array([0, 1]), [np.float32(0.0), 1]]
 )
