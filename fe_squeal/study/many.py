@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..assembly.assembly import assemble
 from ..assembly.swept import swept
-from ..errors import MeshError, NotConvergedError, SceneError, TooLargeError
+from ..errors import MeshError, NotConvergedError, SceneError, SceneWarning, TooLargeError
 from ..scene import MatrixScene, Scene
 from ..scene.file import load_scene
-from ..sweep.result import Sweep
+from ..scene.solver import solver_of
 from ..sweep.sweep import sweep
 from .pools import Processes, pool_of
 
@@ -48,6 +49,11 @@ def run_many(
         Of one scene, whose name the message has.
     NotConvergedError
         A sweep failed (the message has the name of the scene), or the scheduler does not answer.
+
+    Warns
+    -----
+    SceneWarning
+        For each sentence of `Problem.warnings` and `Sweep.warnings`, behind the name of the scene.
     """
     import pandas as pd
 
@@ -59,6 +65,9 @@ def run_many(
     with pool_of(Processes(workers, scheduler)) as pool:
         pool.add(_tables, None, enumerate(loaded.items()))
         found = dict(pool)
+    for i, name in enumerate(loaded):  # not where they arise, since nobody sees those of other processes
+        for sentence in found[i][2]:
+            warnings.warn(f"{name}: {sentence}", SceneWarning, stacklevel=2)
     modes, onsets = (pd.concat([found[i][k] for i in range(len(loaded))], ignore_index=True) for k in (0, 1))
     return modes, onsets
 
@@ -72,23 +81,20 @@ def _named(scenes: Sequence[Variant]) -> dict[str, Variant]:
     return named
 
 
-def _tables(shared: None, named: tuple[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def _tables(shared: None, named: tuple[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame, tuple[str, ...]]:
+    """Return the modes, the onsets and the warnings of the scene with a name."""
     name, scene = named
     try:
-        result = _sweep_of(scene)
+        problem = assemble(scene)
+        parameter, values = swept(scene, problem)
+        solve = scene.solve
+        result = sweep(
+            problem, values, parameter, solve.modes, solve.max_frequency, solve.tolerance, method=solve.method,
+            linear_solver=solver_of(scene),
+        )  # fmt: skip
     except (SceneError, MeshError, NotConvergedError, TooLargeError) as error:
         raise type(error)(f"{name}: {error}") from error
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     for frame in (modes, onsets):
         frame.insert(0, "scene", name)
-    return modes, onsets
-
-
-def _sweep_of(scene: Scene | MatrixScene) -> Sweep:
-    problem = assemble(scene)
-    parameter, values = swept(scene, problem)
-    solve = scene.solve
-    return sweep(
-        problem, values, parameter, solve.modes, solve.max_frequency, solve.tolerance, method=solve.method,
-        linear_solver=solve.linear_solver,
-    )  # fmt: skip
+    return modes, onsets, (*problem.warnings, *result.warnings)
