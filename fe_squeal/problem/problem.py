@@ -90,7 +90,7 @@ class Problem:
     state: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     kernel: Callable[[Pencil], np.ndarray] = field(default=find_kernel, repr=False, compare=False)
     describer: Describer | None = field(default=None, repr=False, compare=False)
-    _sums: dict[object, sp.csr_array | None] = field(default_factory=dict, repr=False, compare=False)
+    _sums: dict[object, tuple[object, sp.csr_array | None]] = field(default_factory=dict, repr=False, compare=False)
     _unheld: dict[object, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -292,17 +292,23 @@ did you mean "springs.piston.stiffness"?
     def _slot(self, slot: str, moving: Collection[str]) -> sp.csr_array | None:
         """Return the sum of the terms of one slot, or None.
 
-        The sum of those terms that do not depend on the parameters `moving` is kept for the next call.
+        The sum of those terms that do not depend on the parameters `moving` is kept for the next call; of one set of
+        such parameters the last one alone, since each is a whole matrix.
         """
         terms = [(t, t.coefficient(self.parameters)) for t in self.terms if t.slot == slot]
         if not moving:
             return sum_terms(terms)
         fixed = tuple(sorted((p, v) for p, v in self.parameters.items() if p not in moving))
         moves = [t.depends_on(moving) for t, _ in terms]
-        if (slot, fixed) not in self._sums:
-            self._sums[slot, fixed] = sum_terms(part for part, m in zip(terms, moves, strict=True) if not m)
+        key = slot, frozenset(moving)
+        known = self._sums.get(key)
+        if known is None or known[0] != fixed:
+            known = None
+            self._sums.pop(key, None)  # before the next one takes memory
+            known = fixed, sum_terms(part for part, m in zip(terms, moves, strict=True) if not m)
+            self._sums[key] = known
         rest = sum_terms(part for part, m in zip(terms, moves, strict=True) if m)
-        constant = self._sums[slot, fixed]
+        constant = known[1]
         return rest if constant is None else constant if rest is None else constant + rest
 
     def derivative(
