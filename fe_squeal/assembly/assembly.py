@@ -33,6 +33,7 @@ from ..problem.description import Describer
 from ..problem.problem import Problem
 from ..problem.terms import Term
 from ..scene import NOT_PHYSICS, MatrixScene, Scene, number_at, with_numbers
+from ..scene.numbers import full_path
 from ..scene.solver import solver_of
 from .bodies import find_bodies, read_mesh
 from .contacts import make_contact, stiffness_terms
@@ -166,6 +167,17 @@ class Assembly:
     def check(self, values: Mapping[str, float]) -> None:
         """Raise SceneError for numbers, by their paths, that the scene does not allow."""
         with_numbers(self.scene, values)
+
+    def check_effects(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, at which effects make no sense together.
+
+        Nothing else of the scene is checked: what only multiplies terms may be 0 or below, whatever its key allows.
+        """
+        try:
+            self.scene.effects.check_at({full_path(path): value for path, value in values.items()})
+        except ValueError as error:
+            given = ", ".join(f"{path} = {value:g}" for path, value in values.items())
+            raise SceneError(f"{given}: effects: {error}") from None
 
     def motions(self, values: Mapping[str, float]) -> Mapping[str, SteadyMotion]:
         """Return the motions of the bodies that rotate, with other numbers."""

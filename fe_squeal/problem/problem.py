@@ -35,6 +35,9 @@ class Source(Protocol):
     def check(self, values: Mapping[str, float]) -> None:
         """Raise SceneError for numbers, by their paths, that the scene does not allow."""
 
+    def check_effects(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, at which effects make no sense together."""
+
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene."""
 
@@ -171,7 +174,8 @@ class Problem:
         SceneError
             There is no such parameter, a value is not a finite number, or what is given is not a mapping. Values for
             which terms are made anew are those that the scene allows; what only multiplies terms, such as a stiffness,
-            may have any value, since sweeps and difference quotients go through zero.
+            may have any value at which effects make sense together, since sweeps and difference quotients go through
+            zero.
         NotConvergedError
             The static state under preload is not found at these values.
 
@@ -195,6 +199,8 @@ did you mean "springs.piston.stiffness"?
         changed = {**self.changed, **moved}
         if all(self.is_affine(p) for p in moved):
             self._refuse_poles(moved)
+            if self.source is not None:
+                self.source.check_effects(changed)
             return replace(self, parameters={**self.parameters, **moved}, changed=changed)
         if self.source is None:
             raise SceneError(f"a problem without a scene cannot be made anew at {moved}")

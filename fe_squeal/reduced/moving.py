@@ -49,6 +49,11 @@ class MovingSource:
         if self._whole.source is not None:
             self._whole.source.check(values)
 
+    def check_effects(self, values: Mapping[str, float]) -> None:
+        """Raise SceneError for numbers, by their paths, at which effects make no sense together."""
+        if self._whole.source is not None:
+            self._whole.source.check_effects(values)
+
     def number(self, path: str) -> float:
         """Return a number as it stands in the scene; errors raised are those of `Problem.value`."""
         return self._whole.value(path)

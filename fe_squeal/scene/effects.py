@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from pydantic import create_model, model_validator
@@ -43,6 +43,19 @@ class EffectsTable(Section):
                     raise ValueError(f"given {name} without {other}{rest}")
             effect.check_effects(on)
         return self
+
+    def check_at(self, numbers: Mapping[str, float]) -> None:
+        """Raise ValueError where the effects make no sense together at other numbers, by their full paths.
+
+        Each number alone may be beyond what its key allows.
+        """
+        on = self.on
+        for path, value in numbers.items():
+            name, _, key = path.removeprefix("effects.").partition(".")
+            if path.startswith("effects.") and name in on and key in type(on[name]).model_fields:
+                on[name] = on[name].model_copy(update={key: value})
+        for effect in on.values():
+            effect.check_effects(on)
 
 
 def effects_table(known: Sequence[type[Effect]], module: str) -> type[EffectsTable]:

@@ -54,6 +54,11 @@ def with_numbers(scene: _Scene, numbers: Mapping[str, float]) -> _Scene:
     return changed
 
 
+def full_path(path: str) -> str:
+    """Return the path of a number as it stands in the file, "effects.friction.mu" for "mu"."""
+    return _LONG.get(path, path)
+
+
 def numbers(scene: BaseScene) -> list[str]:
     """Return the paths of all numbers of a scene's physics."""
     return list(_numbers(scene, scene.model_dump(by_alias=True, exclude_none=True), ""))

@@ -6,11 +6,49 @@ import gc
 import weakref
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 
 import fe_squeal.problem.problem
+from fe_squeal import SceneError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from meshes import BELT, box, make_problem
+
+PISTON, PRESSURE = "springs.piston.stiffness", "effects.friction_damping.contact_pressure"
+
+
+def on_a_belt(**effects) -> Problem:
+    """One hexahedron with a spring on a belt, with friction and other effects."""
+    contact = {"surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e12, "sliding": BELT}
+    spring = {"name": "piston", "surface": "top", "direction": [0.0, 0.0, 1.0], "stiffness": 1e7}
+    return make_problem(box("hex1", (1, 1, 1)), order=1, contacts=[contact], springs=[spring],
+                        effects={"friction": {"mu": 0.3}, **effects})  # fmt: skip
+
+
+@pytest.mark.parametrize("call", [
+    lambda p: p.at(mu=-0.3), lambda p: p.pencil({"effects.friction.mu": -0.3}), lambda p: p.at({PISTON: 2e7}, mu=-0.3),
+    lambda p: p.derivative("mu", "C", {"mu": -0.3}), lambda p: p.at({PISTON: 2e7}).at({PRESSURE: 2e6, "mu": -0.3}),
+])  # fmt: skip
+def test_friction_damping_is_refused_for_a_negative_mu(call):
+    """It would feed what it damps: its term counts with mu, and stands for |mu|."""
+    problem = on_a_belt(friction_damping={"contact_pressure": 1e6})
+    with pytest.raises(SceneError, match=r"mu = -0\.3.*: effects: given friction_damping and friction\.mu = -0\.3;"):
+        call(problem)
+
+
+def test_other_numbers_that_a_scene_does_not_allow_only_multiply():
+    """A spring of 0 or below and a pressure of 0, beside friction damping; reversed friction without it."""
+    damped = on_a_belt(friction_damping={"contact_pressure": 1e6})
+    C = damped.pencil().C
+    assert np.linalg.eigvalsh(C.toarray()).min() >= -1e-12 * abs(C).max()
+    twice = damped.at({PISTON: -1e7}, mu=0.6).pencil().C
+    assert abs(twice - 2 * C).max() <= 1e-15 * abs(C).max()
+    for none in ({"mu": 0.0}, {PRESSURE: 0.0}):
+        assert damped.at({PISTON: 0.0}).pencil(none).C is None
+    plain = on_a_belt()
+    K = [plain.pencil(mu=mu).K for mu in (-0.3, 0.0, 0.3)]
+    assert abs(K[0] - 2 * K[1] + K[2]).max() <= 1e-15 * abs(K[1]).max() < abs(K[0] - K[2]).max()
 
 
 def test_sums_are_kept_for_the_last_values_alone(monkeypatch):
