@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from numbers import Real
 
-from ..errors import SceneError
+from ..errors import SceneError, suggest
 
 MU = "mu"
 _LONG = "effects.friction.mu"
@@ -67,6 +67,36 @@ def values_at(parameter: str | tuple[str, ...], place: Place) -> dict[str, float
         return {parameter: place}
     assert isinstance(place, tuple)
     return dict(zip(parameter, place, strict=True))
+
+
+def product_of_powers(powers: Mapping[str, int], values: Mapping[str, float]) -> float:
+    """Return Π value**exponent over parameters with their exponents.
+
+    Raises
+    ------
+    SceneError
+        A parameter has no value, or the product is no finite number.
+
+    Examples
+    --------
+    >>> product_of_powers({"mu": 1, "omega": -2}, {"mu": 0.5, "omega": 10.0})
+    0.005
+    >>> product_of_powers({"omega": 20}, {"omega": 1e17})
+    Traceback (most recent call last):
+    fe_squeal.errors.SceneError: omega^20 at omega = 1e+17 is no finite number; expected one up to 1.8e308
+    """
+    try:
+        product = math.prod((float(values[name]) ** e for name, e in powers.items()), start=1.0)
+    except KeyError as error:
+        name = error.args[0]
+        raise SceneError(f'a power of "{name}", which has no value{suggest(name, values)}') from None
+    except ArithmeticError:  # a power of floats that overflows, or a negative one of 0
+        product = math.inf
+    if not math.isfinite(product):
+        shown = " · ".join(f"{name}^{e}" for name, e in powers.items())
+        at = ", ".join(f"{name} = {values[name]:g}" for name in powers)
+        raise SceneError(f"{shown} at {at} is no finite number; expected one up to 1.8e308")
+    return product
 
 
 def values_by_path(

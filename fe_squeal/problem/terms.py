@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import prod
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +13,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import with_short_indices
 from ..eigen.definite import signs_of
 from ..errors import SceneError
-from .parameters import paths_of
+from .parameters import paths_of, product_of_powers
 from .symmetry import measure_symmetry
 
 Slot = Literal["M", "C", "K"]
@@ -112,10 +111,22 @@ class Term:
         return self.symmetric and not self.imaginary
 
     def coefficient(self, parameters: Mapping[str, float]) -> float:
-        """Return Π parameter**power, or 0 where the term does not count."""
+        """Return Π parameter**power, or 0 where the term does not count.
+
+        Raises
+        ------
+        SceneError
+            A parameter has no value, or the product is no finite number.
+        """
         if self.only is not None and any(parameters[p] != value for p, value in self.only.items()):
             return 0.0
-        return prod((parameters[p] ** e for p, e in self.powers.items()), start=1.0)
+        return self._product(self.powers, parameters)
+
+    def _product(self, powers: Mapping[str, int], parameters: Mapping[str, float]) -> float:
+        try:
+            return product_of_powers(powers, parameters)
+        except SceneError as error:
+            raise SceneError(f"term {self.name}: {error}") from error
 
     def depends_on(self, parameters: Collection[str]) -> bool:
         """Return whether the coefficient depends on one of some parameters."""
@@ -142,12 +153,11 @@ class Term:
         return self.coefficient(parameters) * self.unit(lam)
 
     def slope(self, parameter: str, parameters: Mapping[str, float]) -> float:
-        """Return the derivative of the coefficient by one parameter."""
+        """Return the derivative of the coefficient by one parameter; raises what `coefficient` does."""
         e = self.powers.get(parameter, 0)
         if e == 0:
             return 0.0
-        others = prod((parameters[p] ** k for p, k in self.powers.items() if p != parameter), start=1.0)
-        return float(e * parameters[parameter] ** (e - 1) * others)
+        return e * self._product({**self.powers, parameter: e - 1}, parameters)
 
 
 def check_terms(terms: Sequence[Term]) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from ..errors import suggest
-from ..problem.parameters import parameter_name, paths_of
+from ..errors import SceneError, suggest
+from ..problem.parameters import parameter_name, paths_of, product_of_powers
 from ..schema.section import Section, Text
 from .base import BaseScene
 from .control import Output, Solve, SweepSection
@@ -125,11 +126,35 @@ class MatrixScene(BaseScene):
                     raise ValueError(f"terms[{i}].powers.{name}: given {exponent}, and parameters.{name} = 0")
         if not any(t.role == "mass" for t in self.terms) or not any(t.role == "stiffness" for t in self.terms):
             raise ValueError('terms: expected at least one of role = "mass" and one of role = "stiffness"')
+        self._check_powers({})
         if self.sweep is not None:
             self._check_sweep(self.sweep)
+            self._check_powers({self.sweep.parameter: (self.sweep.grid.min(), self.sweep.grid.max())})
         if self.study is not None:
             self._check_study(self.study)
+            self._check_powers(dict(zip(self.study.names, self.study.ends, strict=True)))
         return self
+
+    def _check_powers(self, ends: Mapping[str, tuple[float | None, float | None]]) -> None:
+        """Raise ValueError where what a term is multiplied by overflows at the ends of what parameters are moved over.
+
+        Parameters
+        ----------
+        ends : mapping of parameter to (least, largest)
+            None where there is none; other parameters stay at their own values.
+        """
+        for i, term in enumerate(self.terms):
+            values = dict(self.parameters)
+            for name, both in ends.items():
+                paths, given = paths_of(name), [float(end) for end in both if end is not None]
+                grows = sum(term.powers.get(path, 0) for path in paths) > 0
+                if given:
+                    values |= dict.fromkeys(paths, max(given, key=abs) if grows else min(given, key=abs))
+            for key, powers in (*((f".{name}", {name: e}) for name, e in term.powers.items()), ("", term.powers)):
+                try:
+                    product_of_powers(powers, values)
+                except SceneError as error:
+                    raise ValueError(f"terms[{i}].powers{key}: {error}") from error
 
     def _check_study(self, study: StudySection) -> None:
         for name, ends in zip(study.names, study.ends, strict=True):

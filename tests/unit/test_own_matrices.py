@@ -67,6 +67,27 @@ def test_what_would_be_another_problem_is_refused(term, message):
         fe_squeal.scatter(problem, {"k": {"uniform": {"low": 0.9, "high": 1.1}}}, samples=16)
 
 
+@pytest.mark.parametrize(("powers", "at"), [
+    ({"mu": 20}, {"mu": 1e17}), ({"mu": -8}, {"mu": 1e-40}), ({"mu": 20}, {"mu": np.float64(-1e17)}),
+    ({"mu": 5, "h": 5}, {"mu": 1e40, "h": 1e40}), ({"mu": -1}, {"mu": 0.0}), ({"mu": 1, "h": 1}, {"mu": 1.0}),
+])  # fmt: skip
+def test_a_term_that_counts_with_no_number_says_so(powers, at):
+    """Its factor overflows, as a power or as a product of some, or a parameter has no value."""
+    term = Term("push", "K", sp.csr_array(PUSH), False, powers)
+    for of in (term.coefficient, lambda at: term.slope("mu", at)):
+        with pytest.raises(SceneError, match=r"^term push: .*(mu\^|\"h\", which has no value)"):
+            of(at)
+
+
+def test_a_slope_may_be_beyond_all_numbers_where_the_term_is_not():
+    """∂h⁻⁷/∂h = −7 h⁻⁸ is 7e320 at 1e-40."""
+    term = Term("push", "K", sp.csr_array(PUSH), False, {"h": -7})
+    assert term.coefficient({"h": 1e-40}) == pytest.approx(1e280, rel=1e-12)
+    assert term.slope("h", {"h": 2.0}) == pytest.approx(-7 / 256, rel=1e-15)
+    with pytest.raises(SceneError, match=r"^term push: h\^-8 at h = 1e-40 is no finite number"):
+        term.slope("h", {"h": 1e-40})
+
+
 @pytest.mark.parametrize("slot", ["c", "damping", "", None])
 def test_a_slot_that_there_is_not(slot):
     with pytest.raises(SceneError, match=r'term damper: given the slot .*; expected "M", "C" or "K"'):
