@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import with_short_indices
 from ..eigen.definite import signs_of
-from ..errors import SceneError
+from ..errors import SceneError, suggest
 from .parameters import paths_of, product_of_powers
 from .symmetry import measure_symmetry
 
@@ -92,11 +92,16 @@ class Term:
             return f"the matrix has the shape {A.shape}; expected a square one"
         if A.dtype.kind not in _REAL:
             return f"the matrix is {A.dtype}; expected real numbers, and another term with imaginary=True for losses"
+        if self.imaginary and self.slot != "K":
+            return f'given imaginary=True in the slot "{self.slot}"; expected it in the slot "K"'
         if not np.isfinite(A.data).all():
             return "the matrix has entries that are not finite; expected finite numbers"
         if not A.data.any():
             return ""
-        kind = measure_symmetry(A, _CLAIMED) if self.symmetric or self.skew else "general"
+        is_mass = self.slot == "M"
+        kind = measure_symmetry(A, _CLAIMED) if self.symmetric or self.skew or is_mass else "general"
+        if is_mass and kind != "symmetric":
+            return "the mass matrix is not symmetric; expected that it is"
         if self.symmetric and kind != "symmetric":
             return "the matrix is not symmetric, but symmetric=True; expected False"
         if self.skew and kind != "skew":
@@ -160,13 +165,20 @@ class Term:
         return e * self._product({**self.powers, parameter: e - 1}, parameters)
 
 
-def check_terms(terms: Sequence[Term]) -> None:
+def check_terms(terms: Sequence[Term], parameters: Collection[str]) -> None:
     """Refuse terms that somebody made by hand and that are none of one equation of motion.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+    parameters : collection of str
+        The names that have values.
 
     Raises
     ------
     SceneError
-        See `Term.fault`; or the matrices have different sizes, or a power is of a name that stands for other ones.
+        See `Term.fault`; or the matrices have different sizes, or a power is of a name that stands for other ones or
+        has no value.
     """
     for term in terms:
         if term.fault:
@@ -175,6 +187,11 @@ def check_terms(terms: Sequence[Term]) -> None:
             if paths_of(name) != [name]:
                 known = " and ".join(f'"{path}"' for path in paths_of(name))
                 raise SceneError(f'term {term.name}: given a power of "{name}", which means {known}; expected that')
+            if name not in parameters:
+                raise SceneError(
+                    f'term {term.name}: given a power of "{name}", which has no value{suggest(name, parameters)};'
+                    " expected it among the parameters of the problem"
+                )
         n, first = term.matrix.shape[0], terms[0]
         if n != first.matrix.shape[0]:
             raise SceneError(

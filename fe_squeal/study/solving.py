@@ -155,7 +155,7 @@ class Solving:
     ) -> None:  # fmt: skip
         check_method(method)
         if problem.source is None:
-            check_terms(problem.terms)
+            check_terms(problem.terms, problem.parameters)
         self.request = Request(None if max_frequency else modes or MODES, max_frequency, tolerance)
         self.solver = make_solver(
             problem, names, low, high, lambda i: [tuple(map(float, point)) for point in draw(i)], self.request,

@@ -127,7 +127,7 @@ def sweep(
     if not problem.has(parameter):  # one value of mu where there is no friction
         problem = replace(problem, parameters={**problem.parameters, parameter: float(values[0])})
     if problem.source is None:
-        check_terms(problem.terms)
+        check_terms(problem.terms, problem.parameters)
     problem = problem.solved_with(solver).prepared(parameter, values)
     request = Request(None if max_frequency else MODES if modes is None else modes, max_frequency, tolerance)
     tracker = RunningSweep(problem, parameter, request, values, precise, solver)

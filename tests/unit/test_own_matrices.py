@@ -57,6 +57,9 @@ def test_any_real_numbers_are_taken_as_floats(kind, n):
     (("bad", "K", sp.csr_array(K * np.nan), True), "bad: the matrix has entries that are not finite"),
     (("bad", "K", sp.csr_array(K[:-1]), True), r"bad: the matrix has the shape \(5, 6\)"),
     (("bad", "K", sp.csr_array(K[:-1, :-1]), True), "bad: the matrix has 5 rows, and that of inertia 6"),
+    (("loss", "C", EYE, True, {}, False, True), 'loss: given imaginary=True in the slot "C"; expected it in the slot'),
+    (("added", "M", sp.csr_array(np.eye(N) + PUSH), False), "added: the mass matrix is not symmetric; expected that"),
+    (("push", "K", sp.csr_array(PUSH), False, {"nu": 1}), 'push: given a power of "nu", which has no value; valid: '),
 ])  # fmt: skip
 def test_what_would_be_another_problem_is_refused(term, message):
     with pytest.raises(SceneError, match=message):
