@@ -131,7 +131,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
     """Return the quantities that modes at one value give: frequencies and growth at an end of the sweep, and onsets."""
     fastest = max(float(p.modes.lam.real[p.modes.stability == "unstable"].max(initial=0.0)) for p in result.points)
     width = float(np.ptp(refined.values))
-    turn = by_eigenvalue(refined, value, modes)
+    turn, unstable = by_eigenvalue(refined, value, modes), modes.stability == "unstable"
     name = f" at {result.parameter} = {value:.6g}" if width else ""
     asked: list[_Asked] = []
     for i, point in ((0, result.points[0]), (-1, result.points[-1])):
@@ -144,7 +144,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
             told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}" if lam.imag else f"a divergence{name}"
             if lam.imag > 0:
                 asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
-            if fastest and lam.real > SLOW * fastest:
+            if fastest and unstable[k] and lam.real > SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
     for onset in onsets:
         if (found := onset_factor(refined, onset, modes)) is None:

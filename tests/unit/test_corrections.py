@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import splu
 
 from fe_squeal import sweep
+from fe_squeal.accuracy import quantities
 from fe_squeal.accuracy.corrections import right_corrections, solved
 from fe_squeal.accuracy.estimate import changes_by
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.refined import refine_problem
 from fe_squeal.accuracy.two_level import TwoLevelSolver
+from fe_squeal.eigen.pencil import Modes
 from meshes import box, make_problem
 
 BELT = {"direction": [1, 0, 0], "speed": 1.0}
@@ -92,3 +96,15 @@ def test_shared_corrections_change_nothing(case):
     )
     shared, own = changes_by(result, refined, "auto", corrections), changes_by(result, refined)
     np.testing.assert_allclose(shared.onsets, own.onsets, rtol=1e-8)
+
+
+def test_growth_that_is_not_sure_is_no_quantity(monkeypatch):
+    """A real λ = 300 ± 300 1/s, of which loss factors say nothing, beside flutter of 30 and of 20 ± 25 1/s."""
+    lam = np.array([300.0, 30.0 + 6000.0j, 20.0 + 8000.0j])
+    one = np.ones(3)
+    modes = Modes(lam, np.eye(3), np.eye(3), one, np.array([300.0, 1e-3, 25.0]), one)
+    result = SimpleNamespace(points=[SimpleNamespace(modes=modes)], parameter="mu")
+    monkeypatch.setattr(quantities, "by_eigenvalue", lambda *_: one)
+    asked = quantities._asked(result, SimpleNamespace(values=np.array([0.5])), 0.5, modes, [])
+    assert [(a.kind, a.scale, a.column) for a in asked] == [
+        ("frequencies", 6000.0, 1), ("growth", 30.0, 1), ("frequencies", 8000.0, 2)]  # fmt: skip
