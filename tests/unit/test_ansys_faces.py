@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fe_squeal.mesh.readers.ansys_archive import Archive
-from fe_squeal.mesh.readers.ansys_faces import contact_surfaces
+from fe_squeal.mesh.readers.ansys_faces import contact_surfaces, pressures
 
 NUMBERS = np.arange(11, 31)
 
@@ -38,3 +38,13 @@ def test_segments_have_the_corners_of_their_shape(kind: int, nodes: list[int], c
     if corners:
         expected[len(corners)].insert(-1 if len(corners) == 4 else 1, corners)
     assert (three.tolist(), four.tolist()) == (expected[3], expected[4])
+
+
+@pytest.mark.parametrize("indent", ["", "  ", "\t"])
+def test_indented_loads_are_read(indent: str) -> None:
+    """As every other command of Ansys may be."""
+    row = f"{7:9d}{2:4d}{1:4d}" + f"{5.0:20.9E}" * 4
+    block = ["SFEBLOCK,1,PRES,1,1,0", "(i9,i4,i4,6(pg20.9))", row, "SFE,END,LOC,-1"]
+    lines = [f"{indent}SFE,7,3,PRES,1,2.0", f"{indent}{block[0]}", *block[1:], f"{indent}SFEDELE,ALL"]
+    found = pressures(archive((174, [11, 12, 13, 14])), lines, "a.cdb")
+    assert found == {2.0: [(7, 3, "line 1")], 5.0: [(7, 2, "line 4")]}

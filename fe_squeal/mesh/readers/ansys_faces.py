@@ -114,9 +114,10 @@ def _commands(archive: Archive, lines: Sequence[str]) -> Iterator[tuple[str, lis
 def _loads(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
     """Yield the number of the line, from 1, and the fields of each SFE and row of SFEBLOCK."""
     for i, line in enumerate(lines):
-        if line[:8].upper() == "SFEBLOCK":
+        head = line.lstrip()[:8].upper()
+        if head == "SFEBLOCK":
             yield from commands_of_block(lines, i) or []
-        elif line[:3].upper() == "SFE" and line[3:4] in (",", " "):
+        elif head.startswith(("SFE,", "SFE ")):
             yield i + 1, fields_of(line)
 
 
