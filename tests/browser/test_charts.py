@@ -11,7 +11,8 @@ from opened import Opened
 from playwright.sync_api import Browser
 
 from fe_squeal.report.page.build import write_run_page
-from fe_squeal.report.results import Results
+from fe_squeal.report.results import Results, Shape
+from fe_squeal.report.shapes import HEXAHEDRON, ShapeGrid
 
 pytestmark = pytest.mark.slow
 VALUES = np.linspace(0.0, 0.5, 6)
@@ -42,9 +43,13 @@ def shown(browser: Browser, tmp_path: Path):
     """Open the page of some tables, and check at the end that nothing was complained about."""
     pages = []
 
-    def show(modes: pd.DataFrame, onsets: pd.DataFrame, **record: object):
+    def show(
+        modes: pd.DataFrame, onsets: pd.DataFrame, grid: ShapeGrid | None = None, shapes: tuple[Shape, ...] = (),
+        **record: object,
+    ):
         empty = pd.DataFrame()
-        write_run_page(Results(record, modes, onsets, empty, empty), tmp_path / "page.html")
+        results = Results(record, modes, onsets, empty, empty, grid=grid, shapes=shapes)
+        write_run_page(results, tmp_path / "page.html")
         pages.append(Opened(browser.new_page(viewport={"width": 1280, "height": 900}), tmp_path / "page.html"))
         return pages[-1].page
 
@@ -143,3 +148,33 @@ def test_what_loss_factors_say_nothing_of_has_no_bar(shown):
     page = shown(modes, onsets_of())
     bars = page.evaluate("document.getElementById('stability').data.find((d) => d.error_y).error_y.array")
     assert bars == [None, 0.5, 0.5, 0.5, 0.5, 0.5]
+
+
+def test_each_of_two_shapes_of_one_branch_is_shown(shown):
+    """The second one stays when it is picked, and a click on the branch elsewhere shows it again."""
+    points = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
+    grid = ShapeGrid(points, np.arange(8)[None], HEXAHEDRON, np.zeros(1, int), ("disc",))
+    shapes = tuple(Shape({"branch": b, "mode": 1, "value": v, "re": 1.0, "frequency_hz": hz}, points + 0j)
+                   for b, v, hz in ((1, 0.3, 1000.0), (1, 0.5, 1001.0), (2, 0.5, 2000.0)))  # fmt: skip
+    page = shown(modes_of({1: 100 * VALUES, 2: 50 * VALUES}), onsets_of(), grid, shapes)
+    for k, words in ((2, "Branch 2 at μ = 0.5: 2000 Hz"), (1, "Branch 1 at μ = 0.5: 1001 Hz"),
+                     (0, "Branch 1 at μ = 0.3: 1000 Hz")):  # fmt: skip
+        page.select_option("#shape-mode", str(k))
+        assert page.input_value("#shape-mode") == str(k) and page.inner_text("#shape-text").startswith(words)
+    page.evaluate("choose(2)")
+    assert page.input_value("#shape-mode") == "2"
+
+
+def test_large_and_small_values_have_as_many_digits_as_others(shown):
+    """Values of 1.000e13, 1.002e13 and 1.004e13 are told apart."""
+    page = shown(modes_of({1: 100 * VALUES}), onsets_of())
+    found = page.evaluate(
+        "[1e13, 1.002e13, 1.004e13, 1.23456e-7, -9.87654321e9, 0.125, 1234.5678, 0].map((x) => digits(x))")
+    assert found == ["1e+13", "1.002e+13", "1.004e+13", "1.2346e-7", "-9.8765e+9", "0.125", "1234.6", "0"]
+
+
+def test_a_range_that_begins_above_zero_is_drawn_with_both_ends(shown):
+    page = shown(modes_of({1: 100 * VALUES}), onsets_of(), frequency_range_hz=[120.0, 1500.0])
+    layout = page.evaluate("(({ shapes, annotations }) => [shapes.map((s) => s.y0), annotations.map((a) => a.text)])"
+                           "(document.getElementById('stability').layout)")  # fmt: skip
+    assert layout == [[120.0, 1500.0], ["all modes from 120 Hz to 1.50 kHz"]]

@@ -43,11 +43,11 @@ function fillTable(place, caption, heads, rows, branches) {
 const largest = (numbers, least = -Infinity) => numbers.reduce((m, x) => Math.max(m, x), least);
 const smallest = (numbers, most = Infinity) => numbers.reduce((m, x) => Math.min(m, x), most);
 
-/** Six digits at most, in plain or in scientific form. */
+/** n digits, in plain or in scientific form. */
 function digits(x, n = 5) {
   if (x === null || x === undefined) return "–";
   const size = Math.abs(x);
-  return x === 0 ? "0" : size < 1e-4 || size >= 1e7 ? x.toExponential(2) : String(Number(x.toPrecision(n)));
+  return x === 0 ? "0" : size < 1e-4 || size >= 1e7 ? Number(x.toPrecision(n)).toExponential() : String(Number(x.toPrecision(n)));
 }
 
 /** Text for Plotly, which takes some HTML for its own. */

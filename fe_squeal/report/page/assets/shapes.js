@@ -158,7 +158,7 @@ if (DATA.shapes) {
       });
     }
     listeners.push((branch) => {
-      const k = S.shapes.findIndex((s) => s.branch === branch);
+      const k = S.shapes[current].branch === branch ? current : S.shapes.findIndex((s) => s.branch === branch);
       if (k >= 0) showShape(k);
       else said.textContent = `${whyNot(branch)} The shape below is another one, that of branch ${S.shapes[current].branch}.`;
     });
