@@ -19,10 +19,13 @@ class Share:
         Its share in Re λ; exactly 0 for a conservative term.
     energy : float
         Its part of the kinetic energy (mass) or of the potential energy (stiffness), NaN where it holds none.
+    kind : str
+        "kinetic" or "potential": which energy that is; "" where it holds none.
     """
 
     growth: float
     energy: float
+    kind: str
 
 
 def energy_balance(problem: Problem, lam: complex, u: np.ndarray) -> dict[str, Share]:
@@ -71,5 +74,8 @@ def energy_balance(problem: Problem, lam: complex, u: np.ndarray) -> dict[str, S
             work[term.name] -= 0.0 if term.conservative else lam.imag * form.imag
     total = lam.real * inertia if real else abs(lam) ** 2 * inertia + stiffness
     sums = {slot: sum(parts.values()) for slot, parts in stored.items()}
-    energies = {name: e / sums[slot] for slot, parts in stored.items() if sums[slot] for name, e in parts.items()}
-    return {name: Share(w / total if total else np.nan, energies.get(name, np.nan)) for name, w in work.items()}
+    kinds = {"M": "kinetic", "K": "potential"}
+    energies = {
+        name: (e / sums[slot], kinds[slot]) for slot, parts in stored.items() if sums[slot] for name, e in parts.items()
+    }
+    return {name: Share(w / total if total else np.nan, *energies.get(name, (np.nan, ""))) for name, w in work.items()}

@@ -22,7 +22,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
 from fe_squeal.report.files import save_figure
-from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
+from fe_squeal.report.terms import ELASTIC, MASS, TermName, is_kinetic, term_of
 
 MAX_BRANCHES = 12
 MAX_TERMS = 10
@@ -73,7 +73,7 @@ def contributions_figure(contributions: pd.DataFrame, modes: pd.DataFrame, title
     terms = contributions[contributions["term"] != "sum"]
     growth = _table(terms, shown, "re_share")
     energy = _table(terms, shown, "energy_share")
-    inertia = np.array([term_of(name).kind == MASS for name in energy.columns], dtype=bool)
+    inertia = energy.columns.isin(terms.loc[is_kinetic(terms), "term"])
     tables = [gather_small(table) for table in (growth, energy.loc[:, ~inertia], energy.loc[:, inertia])]
     colours = _colours(name for main, _ in tables for name in main.columns)
 

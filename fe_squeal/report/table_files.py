@@ -15,7 +15,7 @@ from fe_squeal.report.shapes import Floats
 _WORDS = {  # columns that hold words; every other one holds numbers
     "parameter", "stability", "noise", "body", "term", "number", "kind", "direction", "measured", "quantity", "output",
     "method", "place", "knob", "a", "b", "state", "look", "frequency_exceeds", "onset_exceeds", "re_exceeds",
-    "units", "law",
+    "units", "law", "energy",
 }  # fmt: skip
 _YES_OR_NO = {name for name in _WORDS if name.endswith("_exceeds")}
 _COUNTS = {"mode", "branch", "branch_a", "branch_b", "nodal_diameters", "other_nodal_diameters", "nodal_circles"}

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import pandas as pd
+
+from fe_squeal.report.branches import Bools
+
 MASS, ELASTIC = "mass", "elastic"  # kinds that every body has a term of; others belong to effects, contacts, springs
 
 
@@ -39,3 +44,18 @@ def term_of(name: object) -> TermName:
     """
     kind, _, part = str(name).partition(".")
     return TermName(kind, part)
+
+
+def is_kinetic(contributions: pd.DataFrame) -> Bools:
+    """Return (n,) bool, of which rows of contributions.csv the share is one of the kinetic energy.
+
+    Tables of earlier versions have no column `energy`; there the masses of bodies are known by their names.
+
+    Examples
+    --------
+    >>> is_kinetic(pd.DataFrame({"term": ["mass.disc", "elastic.disc"]})).tolist()
+    [True, False]
+    """
+    if "energy" in contributions:
+        return (contributions["energy"] == "kinetic").to_numpy(bool)
+    return np.array([term_of(name).kind == MASS for name in contributions.get("term", ())], dtype=bool)

@@ -31,7 +31,7 @@ ONSET_COLUMNS = (
     "parameter", "value", "frequency_hz", "kind", "direction", "crossing_speed", "branch_a", "branch_b", "uncertainty",
     "two_mode_value", "discretisation", "law",
 )  # fmt: skip
-CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share")
+CONTRIBUTION_COLUMNS = ("parameter", "value", "mode", "branch", "term", "re_share", "energy_share", "energy")
 SENSITIVITY_COLUMNS = ("parameter", "value", "mode", "branch", "number", "at", "dre", "dim")
 
 
@@ -199,8 +199,8 @@ class Sweep:
             for i in np.flatnonzero(point.modes.stability == "unstable"):
                 found = self.balance(point, int(i))
                 key = (self.parameter, point.value, i + 1, point.branches[i])
-                rows += [(*key, term, share.growth, share.energy) for term, share in found.items()]
-                rows.append((*key, "sum", sum(share.growth for share in found.values()), np.nan))
+                rows += [(*key, term, share.growth, share.energy, share.kind) for term, share in found.items()]
+                rows.append((*key, "sum", sum(share.growth for share in found.values()), np.nan, ""))
         return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
 
     def sensitivities_dataframe(self) -> pd.DataFrame:

@@ -5,11 +5,17 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.sparse as sp
 from matplotlib import image
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from fe_squeal import sweep
+from fe_squeal.problem.problem import Problem
+from fe_squeal.problem.terms import Term
 from fe_squeal.report.contributions import MAX_BRANCHES, MAX_TERMS, contributions_figure, plot_contributions
+from fe_squeal.report.page.sections import mode_sections
+from fe_squeal.report.results import Results
 
 COLUMNS = ["parameter", "value", "mode", "branch", "term", "re_share", "energy_share"]
 
@@ -192,3 +198,25 @@ def test_tables_read_back_from_csv_give_the_same_figure(tmp_path):
         read.append(pd.read_csv(tmp_path / "table.csv", dtype=dict.fromkeys(floats, str)).astype(floats))
     again = contributions_figure(*read)
     assert bars(again.axes[0], 1) == bars(contributions_figure(contributions, modes).axes[0], 1)
+
+
+@pytest.mark.parametrize("name", ["reference.caliper.mass", "added_mass"])
+def test_masses_that_are_no_bodies_have_kinetic_energy(name):
+    """Whatever a term of M is called: each panel adds up to 1.
+
+    K = [[2, μ − ½], [−μ − ½, 2]] and M = 1 flutter beyond μ = ½ with |u₂/u₁|² = (μ + ½)/(μ − ½), which is 3 at μ = 1.
+    Half of the mass of u₂ is the other term's, whose share is ½ · ¾.
+    """
+    M, K, F = np.diag([1.0, 0.5]), np.array([[2.0, -0.5], [-0.5, 2.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    terms = [Term("mass.disc", "M", sp.csr_array(M), True), Term(name, "M", sp.csr_array(np.eye(2) - M), True),
+             Term("elastic.disc", "K", sp.csr_array(K), True),
+             Term("friction", "K", sp.csr_array(F), False, {"mu": 1}, skew=True)]  # fmt: skip
+    result = sweep(Problem(tuple(terms), {"mu": 0.0}), [0.0, 1.0], "mu", modes=2)
+    modes, shares = result.to_dataframe(), result.contributions_dataframe()
+    _, potential, kinetic = contributions_figure(shares, modes).axes[:3]
+    assert bars(potential, 0)[0] == pytest.approx({"elastic.disc": 1.0})
+    assert bars(kinetic, 0)[0] == pytest.approx({"mass.disc": 0.625, name: 0.375}, rel=1e-6)
+    page = mode_sections(Results({}, modes, result.onsets_dataframe(), shares, pd.DataFrame()))
+    table = page.partition("Energy by body")[2].partition("</table>")[0]
+    assert f'{name}</th><td class="number">37.5 %</td><td class="number">–' in table
+    assert 'disc</th><td class="number">62.5 %</td><td class="number">100 %' in table and page.count(name) == 1

@@ -33,7 +33,7 @@ ONSETS = (
     "parameter,value,frequency_hz,kind,direction,crossing_speed,branch_a,branch_b,uncertainty,two_mode_value,"
     "discretisation,law"
 )
-CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share,energy_share"
+CONTRIBUTIONS = "parameter,value,mode,branch,term,re_share,energy_share,energy"
 SENSITIVITIES = "parameter,value,mode,branch,number,at,dre,dim"
 
 

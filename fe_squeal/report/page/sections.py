@@ -20,7 +20,7 @@ from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import UnstableInterval, growth_text, likely_values
-from fe_squeal.report.terms import ELASTIC, MASS, TermName, term_of
+from fe_squeal.report.terms import ELASTIC, MASS, TermName, is_kinetic, term_of
 from fe_squeal.report.units import behind_comma
 
 _MOST_MODES = 40  # unstable modes with a section of their own, at most
@@ -114,14 +114,15 @@ def _mode_section(results: Results, interval: UnstableInterval, position: int) -
     head = f"Branch {branch:.0f}: {frequency_text(verdict.peak_hz(results, interval))}"
     about = f"At {symbol} = {interval.peak_value:.4g} its Re λ is {growth_text(interval, ' 1/s')}"
     parts = [paragraph(f"{about}; {', '.join(looks)}." if looks else f"{about}."), *_partner(results, interval, symbol)]
-    shares = verdict.shares_of(results, row).to_dict("records")
+    shares = verdict.shares_of(results, row)
+    shares = shares.assign(kinetic=is_kinetic(shares))
     growth = [
         (r["term"], _number(r["re_share"], "+.4g"), _percent(r.get("energy_share")))
-        for r in shares
+        for r in shares.to_dict("records")
         if not abs(r["re_share"]) <= 1e-9 * abs(interval.growth) or _counts(r)  # an unknown share is no small one
     ]
     parts.append(table("What gives to Re λ, and where the energy is", ("term", "Re λ, 1/s", "energy"), growth[:_ROWS]))
-    parts.append(_body_table(results, row))
+    parts.append(_body_table(shares))
     moves = verdict.sensitivities_of(results, row).iloc[:_ROWS]
     moved = [(r["number"], f"{r['at']:.4g}", _number(r["dre_percent"], "+.3g"), _number(r["dhz_percent"], "+.3g"))
              for r in moves.to_dict("records")]  # fmt: skip
@@ -137,7 +138,7 @@ def _mode_section(results: Results, interval: UnstableInterval, position: int) -
 def _counts(row: dict[Any, Any]) -> bool:
     """Whether a contact or spring stores energy that is worth a row; bodies have a table of their own."""
     share = row.get("energy_share", np.nan)
-    return bool(share > _SMALL) and term_of(row["term"]).kind not in (MASS, ELASTIC)
+    return bool(share > _SMALL) and not row["kinetic"] and term_of(row["term"]).kind != ELASTIC
 
 
 def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[str]:
@@ -161,14 +162,15 @@ def _partner(results: Results, interval: UnstableInterval, symbol: str) -> list[
     return said
 
 
-def _body_table(results: Results, row: dict[str, Any]) -> str:
-    """Return the table of kinetic and elastic energy by body."""
-    shares = verdict.shares_of(results, row)
+def _body_table(shares: pd.DataFrame) -> str:
+    """Return the table of kinetic and elastic energy by body; other masses have rows under the names of their terms."""
     if "energy_share" not in shares:
         return ""
     energy = {term_of(r["term"]): float(r["energy_share"]) for r in shares.to_dict("records")}
-    bodies = [term.part for term in energy if term.kind == MASS]
-    rows = [(b, *(_percent(energy.get(TermName(kind, b))) for kind in (MASS, ELASTIC))) for b in bodies]
+    rows = []
+    for term in map(term_of, shares.loc[shares["kinetic"], "term"]):
+        elastic = energy.get(TermName(ELASTIC, term.part)) if term.kind == MASS else None
+        rows.append((term.part if term.kind == MASS else str(term), _percent(energy[term]), _percent(elastic)))
     return table("Energy by body", ("body", "of the kinetic energy", "of the potential energy"), rows)
 
 
