@@ -15,6 +15,19 @@ def partings(onsets: pd.DataFrame) -> Bools:
     return np.asarray(onsets["law"] == "parting", bool) if "law" in onsets else np.zeros(len(onsets), bool)
 
 
+def change_words(onsets: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return the kind and the direction of each onset, for tables; at a parting growth neither begins nor ends.
+
+    Examples
+    --------
+    >>> change_words(pd.DataFrame({"kind": "divergence", "direction": "into", "law": ["linear", "parting"]}))
+    [('divergence', 'into'), ('parting', 'grows on both sides')]
+    """
+    empty = pd.Series("", index=onsets.index)
+    told = zip(onsets.get("kind", empty), onsets.get("direction", empty), partings(onsets).tolist(), strict=True)
+    return [("parting", "grows on both sides") if parts else (str(kind), str(way)) for kind, way, parts in told]
+
+
 def refined_only(onsets: pd.DataFrame) -> Bools:
     """Return (n,) bool, which onsets appear on the refined mesh alone: no branch of the sweep has them."""
     return np.asarray(numbers(onsets, "branch_a") == 0)

@@ -24,7 +24,7 @@ from fe_squeal.report.branches import (
 )
 from fe_squeal.report.growth import growth_curves
 from fe_squeal.report.looks import body_text, entry, short_diameters
-from fe_squeal.report.onsets import mesh_errors
+from fe_squeal.report.onsets import change_words, mesh_errors, partings
 from fe_squeal.report.terminal import print_table
 
 MAX_ROWS = 20
@@ -118,14 +118,13 @@ def print_onsets(
     value, uncertainty = numbers(ordered, "value"), numbers(ordered, "uncertainty")
     frequency, two_modes = numbers(ordered, "frequency_hz"), numbers(ordered, "two_mode_value")
     partners = np.column_stack([numbers(ordered, "branch_a"), numbers(ordered, "branch_b")])
+    words = change_words(ordered)
     for i in range(min(len(ordered), MAX_ROWS)):
-        row = ordered.iloc[i]
         pair = " + ".join(_name(b) for b in partners[i] if b > 0) or "–"
         known = "" if np.isnan(uncertainty[i]) else f"{uncertainty[i]:.1e}"
         guess = mesh[i] if mesh is not None else "" if np.isnan(two_modes[i]) else f"{two_modes[i]:.4g}"
-        words = (str(row["kind"]), str(row["direction"]))
         tends = () if beyond is None else (beyond[i],)
-        table.add_row(_as_sure(value[i], uncertainty[i]), known, guess, *tends, f"{frequency[i]:.6g}", *words, pair)
+        table.add_row(_as_sure(value[i], uncertainty[i]), known, guess, *tends, f"{frequency[i]:.6g}", *words[i], pair)
     print_table(table, console)
     if len(ordered) > MAX_ROWS:
         console.print(Text(f"... {len(ordered) - MAX_ROWS} more in onsets.csv"))
@@ -303,6 +302,6 @@ def begins_unstable(modes: pd.DataFrame, onsets: pd.DataFrame) -> dict[int, floa
         return {}
     first = float(numbers(modes, "value").min())
     there = modes[(numbers(modes, "value") == first) & (modes["stability"] == "unstable") & modes["branch"].notna()]
-    known = onsets[numbers(onsets, "value") <= first] if len(onsets) else onsets
+    known = onsets[(numbers(onsets, "value") <= first) & ~partings(onsets)] if len(onsets) else onsets
     listed = {*numbers(known, "branch_a").tolist(), *numbers(known, "branch_b").tolist()}
     return {int(b): first for b in numbers(there, "branch").tolist() if b not in listed}

@@ -8,7 +8,9 @@ import pytest
 from selection import some
 
 from fe_squeal.compare import SETUPS, compare_case
+from fe_squeal.compare import table as comparing
 from fe_squeal.compare.table import lumped_modes, onset_rows, rotations, spectrum_difference
+from fe_squeal.sweep.onset import Onset
 
 
 @pytest.fixture(scope="module", params=some(SETUPS, lambda name: name != "nine-dof"))
@@ -89,3 +91,13 @@ def test_rotations_are_set_apart():
     # A pad on springs k over its whole height turns with ω² = k_x/m: k1 + k8/2 for the first two, k10/2 for the third.
     found = dict(rotations(case, problem))
     assert found == pytest.approx({"pad_1": 1.5**0.5, "pad_2": 1.5**0.5, "pad_3": 0.5**0.5}, rel=5e-3)
+
+
+def test_where_growing_modes_part_is_none_of_the_onsets(monkeypatch):
+    onsets = [Onset("mu", 0.3, 1.0, "flutter", "into", 1.0, 1, 2, 1e-9, law="root"),
+              Onset("mu", 0.5, 0.0, "divergence", "into", 1.0, 1, None, 1e-9, law="parting")]  # fmt: skip
+    monkeypatch.setattr(comparing, "sweep", lambda *_, **__: SimpleNamespace(onsets=onsets))
+    model = SimpleNamespace(eigenvalues=lambda _: np.array([10.0j]), critical_mu=lambda: [0.3])
+    setup = SimpleNamespace(interval=(0.0, 1.0, 3))
+    rows = comparing._onset_rows("case", SimpleNamespace(model=model), SimpleNamespace(unknowns=2), setup, "auto")
+    assert rows == [("case", "critical μ", 0.3, 0.3, 0.0), ("case", "number of onsets", 1.0, 1.0, 0.0)]

@@ -97,6 +97,14 @@ def test_onsets_come_in_the_order_of_the_parameter():
                     ["0.312", "1.0e-09", "2413", "flutter", "into", "1"]]
 
 
+def test_where_growing_modes_part_is_no_onset_into_instability():
+    _, onsets = coupled_tables([(2413.0, 60.0, 0.312), (5000.0, 60.0, 0.2)], SWEEP)
+    text = printed(print_onsets, onsets.assign(law=["parting", "root"], kind="divergence"), 100)
+    first, second = (line for line in text.splitlines() if "1.0e-09" in line)
+    assert "parting grows on both sides" in " ".join(second.split())
+    assert "divergence" not in second and "into" not in second and "divergence into" in " ".join(first.split())
+
+
 def test_csv_keeps_every_bit(tmp_path):
     numbers = np.random.default_rng(0).standard_normal(100) * 10.0 ** np.arange(-50, 50)
     file = write_csv(pd.DataFrame({"re": numbers, "empty": np.nan}), tmp_path / "new" / "modes.csv")

@@ -204,6 +204,7 @@ def test_growth_in_a_window_between_values_is_about() -> None:
     """It has no row in the table of modes: two digits, in the sentence, the table and the section."""
     calm = results((2413.0, 60.0, 0.9))
     rows = [("mu", v, 2400.0, "flutter", d, 50.0, 1, 2, 1e-9, np.nan, np.nan)
+    assert "<td>parting</td><td>grows on both sides</td>" in onset_table(found)
             for v, d in ((0.103, "into"), (0.105, "out of"))]  # fmt: skip
     found = replace(calm, onsets=pd.DataFrame(rows, columns=ONSET_COLUMNS))
     assert "Re λ = about 1.1 1/s at μ = 0.104" in next(s for s in verdict.answer(found) if s.startswith("The fastest"))

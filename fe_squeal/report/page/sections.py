@@ -14,7 +14,7 @@ from fe_squeal.report.branches import distinct_texts, frequency_text, numbers, p
 from fe_squeal.report.growth import onset_laws
 from fe_squeal.report.looks import body_text, diameters_text, plane_text, way_text
 from fe_squeal.report.mesh_error import mesh_error_figure
-from fe_squeal.report.onsets import VANISHES, mesh_errors, mesh_states
+from fe_squeal.report.onsets import VANISHES, change_words, mesh_errors, mesh_states
 from fe_squeal.report.page import verdict
 from fe_squeal.report.page.charts import law_text
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
@@ -53,10 +53,11 @@ def onset_table(results: Results) -> str:
     mesh = mesh_errors(onsets) or len(onsets) * ["–"]
     beyond = likely_values(onsets)
     rows = []
+    words = change_words(onsets)
     for i, (told, row) in enumerate(zip(distinct_texts(value, "g"), onsets.to_dict("records"), strict=True)):
         pair = " + ".join(f"{row[k]:.0f}" for k in ("branch_a", "branch_b") if row.get(k) == row.get(k) and row.get(k))
         rows.append((
-            told, row.get("kind", ""), row.get("direction", ""), law_text(row, symbol),
+            told, *words[i], law_text(row, symbol),
             frequency_text(float(row["frequency_hz"])), pair, _number(solver[i], ".1e"), mesh[i].removeprefix("± "),
             *((beyond[i] or "–",) if beyond is not None else ()), _number(two[i], ".4g"),
         ))  # fmt: skip
