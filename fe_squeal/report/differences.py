@@ -10,7 +10,9 @@ import pandas as pd
 
 from fe_squeal.report.branches import frequency_text, numbers, parameter_symbol
 from fe_squeal.report.looks import look_text
+from fe_squeal.report.onsets import partings
 from fe_squeal.report.pairing import ALIKE, common_points, mac_matrix, pair_shapes
+from fe_squeal.report.record import covered_range
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import begins_unstable
 
@@ -23,7 +25,7 @@ COLUMNS = (
 LATER = ("onset_bar_a", "onset_bar_b")  # columns that tables of earlier versions lack
 PAIRED, GONE, NEW, UNKNOWN = "paired", "gone", "new", "not paired"
 _ELSEWHERE = "is unstable only where the other sweep has no values"
-_ABOVE = "may have its partner above the range of both"
+_BEYOND = "may have its partner"  # above or below the range of both designs
 _RIM = 0.95  # of the range of both designs: an unpaired mode above this may have its partner above the other's range
 
 
@@ -59,14 +61,18 @@ def compare_designs(a: Results, b: Results, names: tuple[str, str]) -> tuple[pd.
             "they have no value in common, and growth is not compared")  # fmt: skip
         said.append(f"The sweeps of {names[0]} and {names[1]} have other ends or values: {where}.")
     rows = [_row(names, PAIRED, first[i], second[j], mac) for i, j, mac in pairs]
-    limit = min(_highest(a), _highest(b))
+    covered = [covered_range(r.record) or (0.0, None) for r in (a, b)]
+    lowest = max(low for low, _ in covered)
+    highest = min(np.inf if high is None else high for _, high in covered)
     rest = [(GONE, row) for i, row in first.items() if i not in {i for i, _, _ in pairs}]
     rest += [(NEW, row) for j, row in second.items() if j not in {j for _, j, _ in pairs}]
     for state, row in rest:
         if not row["inside"]:
             said.append(f"{_named(names, state, row)} {_ELSEWHERE}.")
-        elif row["frequency_hz"] > _RIM * limit:
-            said.append(f"{_named(names, state, row)} {_ABOVE}, {frequency_text(limit)}.")
+        elif row["frequency_hz"] > _RIM * highest:
+            said.append(f"{_named(names, state, row)} {_BEYOND} above the range of both, {frequency_text(highest)}.")
+        elif row["frequency_hz"] < lowest / _RIM:
+            said.append(f"{_named(names, state, row)} {_BEYOND} below the range of both, {frequency_text(lowest)}.")
         else:
             told = UNKNOWN if blind else state
             one, other = (row, None) if state == GONE else (None, row)
@@ -95,12 +101,6 @@ def _ends(results: Results) -> tuple[float, float]:
 
 def _named(names: tuple[str, str], state: str, row: Mapping[str, Any]) -> str:
     return f"The mode of {frequency_text(float(row['frequency_hz']))} of {names[state == NEW]}"
-
-
-def _highest(results: Results) -> float:
-    """Return up to which frequency, Hz, all modes of a design are known; infinite where nothing says so."""
-    known = results.record.get("frequency_range_hz") or (0.0, None)
-    return float("inf") if known[1] is None else float(known[1])
 
 
 def _common(a: Results, b: Results) -> tuple[tuple[float, float], np.ndarray]:
@@ -163,6 +163,7 @@ def _bar(frame: pd.DataFrame, solver: str, mesh: str, estimated: bool) -> np.nda
 def _first_onset(onsets: pd.DataFrame, branch: float, estimated: bool) -> tuple[float, float]:
     pair = np.column_stack([numbers(onsets, "branch_a"), numbers(onsets, "branch_b")])
     own = onsets[(pair == branch).any(axis=1)]
+    own = own[~partings(own)]
     own = own[own["direction"] == "into"] if "direction" in own else own
     if not len(own):
         return np.nan, np.nan
@@ -273,7 +274,7 @@ def sentences(
         if (own["state"] == UNKNOWN).any():
             parts.append("which modes are the same is not known")
         if not len(own):
-            unseen = any(_ELSEWHERE in s or _ABOVE in s for s in lacks)
+            unseen = any(_ELSEWHERE in s or _BEYOND in s for s in lacks)
             parts = ["nothing that can be compared is unstable" if unseen else "nothing is unstable in either"]
         same = "no change beyond the bars" + ("" if paired["re_exceeds"].notna().all() else " that are known")
         said.append(f"{name}: {', '.join(parts) or same}.")

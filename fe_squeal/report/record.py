@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -115,6 +116,20 @@ def readable(record: dict[str, Any], kind: type[BaseModel]) -> tuple[dict[str, A
         wrong = sorted({str(fault["loc"][0]) for fault in error.errors()})
         return {key: value for key, value in record.items() if key not in wrong}, wrong
     return record, []
+
+
+def covered_range(record: Mapping[str, Any]) -> tuple[float, float | None] | None:
+    """Return the range, Hz, in which a run knows all modes, by run.json: no end where that is all above its begin.
+
+    None where nothing is told of it.
+
+    Examples
+    --------
+    >>> covered_range({"frequency_range_hz": [12.0, None]}), covered_range({})
+    ((12.0, None), None)
+    """
+    told = record.get("frequency_range_hz")
+    return None if told is None else (told[0] or 0.0, told[1])
 
 
 def left_out(name: str, wrong: list[str]) -> list[str]:

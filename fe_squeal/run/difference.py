@@ -45,16 +45,20 @@ def compare_folders(folders: Sequence[Path], out: Path, console: Console) -> int
     names = _names(folders)
     results = [read_run(folder) for folder in folders]
     base, tables, lacks = results[0], [], [f"{n}: {s}" for n, r in zip(names, results, strict=True) for s in r.lacks]
-    for name, other in zip(names[1:], results[1:], strict=True):
-        if other.parameter != base.parameter:
+    # A design without modes does not tell what it sweeps.
+    telling = [(name, r) for name, r in zip(names, results, strict=True) if len(r.modes)] or [(names[0], base)]
+    first, known = telling[0]
+    for name, other in telling[1:]:
+        if other.parameter != known.parameter:
             raise OutputError(
-                f"{name}: sweeps {other.parameter}, and {names[0]} sweeps {base.parameter}; expected the same parameter"
+                f"{name}: sweeps {other.parameter}, and {first} sweeps {known.parameter}; expected the same parameter"
             )
+    for name, other in zip(names[1:], results[1:], strict=True):
         table, said = compare_designs(base, other, (names[0], name))
         tables.append(table)
         lacks += [sentence for sentence in said if sentence not in lacks]
     kept = [t for t in tables if len(t)]
-    whole, symbol = pd.concat(kept, ignore_index=True) if kept else tables[0], symbol_of(base)
+    whole, symbol = pd.concat(kept, ignore_index=True) if kept else tables[0], symbol_of(known)
     early = [begins_unstable(r.modes, r.onsets) for r in results]
     begun = {n: min(found.values()) for n, found in zip(names, early, strict=True) if found}
     answers, title = sentences(whole, names[1:], symbol, begun, lacks), f"{', '.join(names[1:])} beside {names[0]}"

@@ -150,6 +150,29 @@ def test_what_only_one_sweep_could_see_is_neither_gone_nor_new() -> None:
         assert sentences(table, ["b"], "μ") == ["b: onset μ 0.11 → 0.11 ± 2e-08, within the bar."]
 
 
+def test_what_lies_below_the_range_of_one_design_is_neither_gone_nor_new() -> None:
+    """Strong dampers of b hide a mode of 5 Hz, which a has."""
+    grid = ring("hex1", (2, 36, 1))
+    slow = {**BASE, 7: (5, 5.0, 550.0, 0.24)}
+    a, b = design(grid, slow), replace(design(grid, {4: BASE[4]}), record={"frequency_range_hz": [12.0, None]})
+    for pair, owner in (((a, b), "a"), ((b, a), "b")):
+        table, said = compare_designs(*pair, ("a", "b"))
+        assert table["state"].to_list() == [PAIRED]
+        assert f"The mode of 5 Hz of {owner} may have its partner below the range of both, 12 Hz." in said
+
+
+def test_where_growing_modes_part_is_no_onset() -> None:
+    """Growth is there on both sides of it."""
+    grid = ring("hex1", (2, 36, 1))
+    plain = design(grid, BASE)
+    parts = plain.onsets.iloc[:1].assign(value=0.05, law="parting")
+    other = replace(plain, onsets=pd.concat([plain.onsets.assign(law="root"), parts], ignore_index=True))
+    table, _ = compare_designs(plain, other, ("a", "b"))
+    assert table["onset_b"].to_list() == table["onset_a"].to_list() == [0.11, 0.24]
+    early = replace(plain, onsets=plain.onsets.assign(law="parting", value=0.7))
+    assert begins_unstable(early.modes, early.onsets) == {4: 0.7, 7: 0.7}
+
+
 def test_without_bars_of_the_mesh_it_is_said() -> None:
     grid = ring("hex1", (2, 36, 1))
     table, said = compare_designs(design(grid, BASE), design(grid, BASE), ("a", "b"))
@@ -319,3 +342,19 @@ def test_names_of_folders_are_of_characters_that_can_be_drawn_and_written() -> N
     folders = [Path("/runs/caf\udce9"), Path("/runs/a\nb"), Path("/runs/é")]
     assert _names(folders) == [r"caf\udce9", r"a\nb", "é"]
     assert _names([Path("/\udcff/a"), Path("/b/a")]) == [r"\udcff/a", "b/a"]
+
+
+@pytest.mark.parametrize("first", ["quiet", "loud"])
+def test_a_design_without_modes_sweeps_what_the_others_do(tmp_path, capsys, monkeypatch, first: str) -> None:
+    """Its modes.csv is a head alone, which does not name the parameter."""
+    monkeypatch.setattr("fe_squeal.report.difference_figure.plot_differences", lambda *_: None)
+    monkeypatch.setattr("fe_squeal.run.difference.write_difference_report", lambda *_: None)
+    grid, name = ring("hex1", (2, 24, 1)), "springs.piston.stiffness"
+    loud, quiet = design(grid, BASE), design(grid, {})
+    loud = replace(loud, modes=loud.modes.assign(parameter=name))
+    written(tmp_path / "loud", loud)
+    written(tmp_path / "quiet", quiet)
+    folders = sorted((tmp_path / "loud", tmp_path / "quiet"), reverse=first == "quiet")
+    assert main(["diff", *map(str, folders), "-o", str(tmp_path / "out")]) == 0
+    said = {"quiet": "loud: an onset at stiffness = 0.11 where", "loud": "no onset any more (was stiffness = 0.11)"}
+    assert said[first] in capsys.readouterr().out
