@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from fe_squeal.report.branches import figure_text
+from fe_squeal.report.axes import frequency_unit
+from fe_squeal.report.branches import figure_text, frequency_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.study import short_name
@@ -67,23 +68,23 @@ def plot_map(
     axes.set_xlim(x[0], x[-1])
     axes.set_ylim(y[0], y[-1])
     if len(boundaries):
-        khz = boundaries["frequency_hz"] / 1e3
+        unit, per_unit = frequency_unit(boundaries)
         lines, labelled, texts = None, list[tuple[float, float]](), list[str]()
-        low, high = float(khz.min()), float(khz.max())
+        low, high = float(boundaries["frequency_hz"].min()), float(boundaries["frequency_hz"].max())
         for number, rows in boundaries.groupby("curve"):
             points = rows[["x", "y"]].to_numpy(float)
             parts = np.stack([points[:-1], points[1:]], axis=1)
             lines = LineCollection(list(parts), cmap=_LINES, linewidths=2.2)
             hz = rows["frequency_hz"].to_numpy(float)
-            lines.set_array((hz[:-1] + hz[1:]) / 2e3)
-            lines.set_clim(low, high if high > low else low + 1.0)
+            lines.set_array((hz[:-1] + hz[1:]) / (2 * per_unit))
+            lines.set_clim(low / per_unit, (high if high > low else low + per_unit) / per_unit)
             axes.add_collection(lines)
             if int(str(number)) <= _LABELLED:
                 middle = _alone(axes, points, others=boundaries.loc[boundaries["curve"] != number, ["x", "y"]])
                 labelled.append((float(points[middle, 0]), float(points[middle, 1])))
-                texts.append(f"{hz[middle] / 1e3:.2f} kHz")
+                texts.append(frequency_text(float(hz[middle])))
         assert lines is not None
-        figure.colorbar(lines, ax=axes, label="frequency on the boundary (kHz)", pad=0.02)
+        figure.colorbar(lines, ax=axes, label=f"frequency on the boundary ({unit})", pad=0.02)
     axes.set_xlabel(figure_text(short_name(names[0])))
     axes.set_ylabel(figure_text(short_name(names[1])))
     if len(boundaries):

@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from ..problem.problem import Problem
+from ..report.branches import frequency_text
 from ..report.files import write_csv
 from ..report.map import plot_map
 from ..scene import MatrixScene, Scene
@@ -31,9 +32,9 @@ def mapped(
     share = float((grid["unstable"] > 0).mean())
     console.print(f"{100 * share:.3g} % of {len(grid)} places are unstable", markup=False)
     for number, rows in boundaries.groupby("curve"):
-        low, high = rows["frequency_hz"].min(), rows["frequency_hz"].max()
+        low, high = (frequency_text(hz) for hz in (rows["frequency_hz"].min(), rows["frequency_hz"].max()))
         console.print(
-            f"  boundary {number}: {rows['kind'].iloc[0]}, {low:.0f} to {high:.0f} Hz, {len(rows)} points, each sure to"
+            f"  boundary {number}: {rows['kind'].iloc[0]}, {low} to {high}, {len(rows)} points, each sure to"
             f" {rows['uncertainty'].max():.0e} of the map's width",
             markup=False,
         )

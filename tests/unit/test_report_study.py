@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import io
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from fe_squeal.report import map as map_figure
 from fe_squeal.report import study
@@ -12,6 +16,7 @@ from fe_squeal.report.files import write_csv, write_json
 from fe_squeal.report.map import plot_map
 from fe_squeal.report.page.study import write_study_page
 from fe_squeal.report.study import driving, plot_indices
+from fe_squeal.run import mapped as mapping
 from fe_squeal.run.page import write_study_report
 
 
@@ -174,3 +179,27 @@ def test_the_picture_has_outputs_of_which_total_indices_alone_are_known(tmp_path
     rows = {"output": "unstable", "parameter": ["mu", "k"], "first": np.nan, "first_error": np.nan}
     plot_indices(pd.DataFrame({**rows, "total": 0.4, "total_error": 0.05}), tmp_path / "indices.png")
     assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == ["with all others"]
+
+
+def test_slow_boundaries_have_their_frequencies(tmp_path, drawn, monkeypatch):
+    """From 0.16 to 0.48 Hz, on the terminal, the page and the map."""
+    t = np.linspace(0.0, 1.0, 5)
+    x, y = (a.ravel() for a in np.meshgrid(t, t))
+    grid = pd.DataFrame({"x": x, "y": y, "worst_re": x, "unstable": 1, "error": 0.0})
+    curve = pd.DataFrame({"curve": 1, "x": t, "y": t, "frequency_hz": 0.16 + 0.32 * t, "kind": "flutter",
+                          "uncertainty": 1e-6})  # fmt: skip
+    result = SimpleNamespace(grid=grid, boundaries=curve, solver=SimpleNamespace(why=""), told=[], curves=[])
+    monkeypatch.setattr(mapping, "stability_map", lambda *_, **__: result)
+    axis, console = SimpleNamespace(scale="linear"), Console(file=io.StringIO(), width=120)
+    section = SimpleNamespace(x=axis, y=axis, names=("a", "b"), tolerance=1e-6)
+    said = mapping.mapped(SimpleNamespace(title=""), section, None, {}, tmp_path, console)
+    assert "boundary 1: flutter, 0.16 Hz to 0.48 Hz, 5 points" in console.file.getvalue()
+    assert [text.get_text() for text in drawn[0].axes[0].texts] == ["0.32 Hz"]
+    [lines] = [c for c in drawn[0].axes[0].collections if c.get_cmap().name == "viridis"]
+    assert drawn[0].axes[2].get_ylabel() == "frequency on the boundary (Hz)"
+    assert lines.get_clim() == pytest.approx((0.16, 0.48))
+    np.testing.assert_allclose(lines.get_array(), [0.2, 0.28, 0.36, 0.44])
+    write_json({"status": "complete", **said}, tmp_path / "study.json")
+    tables, figures = {n: tmp_path / f"{n}.csv" for n in ("boundaries", "map")}, {"map": tmp_path / "none.png"}
+    write_study_page(tmp_path / "study.json", tables, figures, tmp_path / "page.html")
+    assert "0.16 Hz to 0.48 Hz" in (tmp_path / "page.html").read_text(encoding="utf-8")

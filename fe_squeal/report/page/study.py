@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from fe_squeal.errors import OutputError
+from fe_squeal.report.branches import frequency_text
 from fe_squeal.report.page.build import Section, write_page
 from fe_squeal.report.page.markup import bullets, image, paragraph, table, text
 from fe_squeal.report.record import StudyRecord, left_out, readable
@@ -131,14 +132,15 @@ def _covered(said: dict[str, Any], span: str) -> tuple[str, str]:
 def _map_sections(said: dict[str, Any], frames: dict[str, pd.DataFrame], figures: dict[str, Path]) -> list[Section]:
     boundaries = frames.get("boundaries", pd.DataFrame({"curve": []}))
     rows = [
-        (f"{number}", r["kind"].iloc[0], f"{r['frequency_hz'].min():.0f} to {r['frequency_hz'].max():.0f}",
+        (f"{number}", r["kind"].iloc[0],
+         " to ".join(frequency_text(hz) for hz in (r["frequency_hz"].min(), r["frequency_hz"].max())),
          f"{r['x'].min():.5g} to {r['x'].max():.5g}", f"{r['y'].min():.5g} to {r['y'].max():.5g}", len(r),
          f"{r['uncertainty'].max():.0e}")
         for number, r in boundaries.groupby("curve")
     ]  # fmt: skip
     parameters: list[str] = said.get("parameters") or []
     names = parameters if len(parameters) == 2 else ["x", "y"]
-    heads = ("boundary", "kind", "frequency, Hz", names[0], names[1], "points", "uncertainty, of the width")
+    heads = ("boundary", "kind", "frequency", names[0], names[1], "points", "uncertainty, of the width")
     share = said.get("unstable_share")
     words = "" if share is None else f"{100 * share:.3g} % of the places on the grid are unstable."
     words = f'<p class="answer">{text(words)}</p>' if words else ""
