@@ -185,8 +185,8 @@ on the machine makes them longer.
 
 *Bar* is the largest one on the last mesh. A bar of 0 % means that the sweep has nothing of what is to meet the target,
 such as no onset; the search ends there. A dash stands where there is nothing to compare. At most eight meshes are tried
-(*runs*). Where none of them meets the target, or the next one does not fit into memory, the command ends with exit code
-3, and its folder has the results of the nearest one.
+(*runs*). Where none of them meets the target, or the next one cannot be made or solved or does not fit into memory, the
+command ends with exit code 3, and its folder has the results of the nearest one.
 
 Runs within their targets: {within} of {all}.
 {missing}

@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -146,10 +147,11 @@ def choose(
         The target is not between 0 and 1.
     NotConvergedError
         The target is not met by the finest mesh that can be solved, or not within the number of meshes that are tried;
-        `partial` is the `Choice` nearest to it.
+        `partial` is the `Choice` nearest to it, or None where a resumed search has solved on no mesh: of those before
+        there is no result any more.
     SquealError, MemoryError
-        Not even the first mesh can be solved, or not refined for the estimate: it does not fit into memory, or modes on
-        it are not found.
+        Not even the first mesh of all can be solved, or not refined for the estimate: it does not fit into memory, or
+        modes on it are not found.
     KeyboardInterrupt
         Ctrl-C; its argument is the `Choice` nearest to the target so far, if there is one.
     """
@@ -172,12 +174,14 @@ def choose(
                     return _picked(nearest, trials, kinds)
                 candidate = _next(tried, target, tell)
             except (SquealError, MemoryError) as error:
-                if nearest is None:
+                if nearest is None and not before:
                     raise
                 traceback.clear_frames(error.__traceback__)  # which hold what was made of the mesh that failed
                 why = str(error) or "the next mesh does not fit into memory"
                 break
-        assert nearest is not None
+        if nearest is None:
+            best = reduce(lambda one, other: other if _is_nearer(other, one) else one, before)
+            raise NotConvergedError(f"{_missing(target)} nearest before the search was resumed: {best} ({why})")
         raise _missed(target, nearest, trials, before, kinds, why)
     except KeyboardInterrupt as stop:
         if nearest is None:
@@ -269,6 +273,10 @@ def _picked(nearest: _Tried, trials: list[Trial], kinds: Sequence[str] | None = 
     return Choice(scene, loaded, result, (*(t for t in trials if t is not nearest.trial), trial), nearest.split)
 
 
+def _missing(target: float) -> str:
+    return f"the target of {100 * target:g} % is not met;"
+
+
 def _missed(
     target: float, nearest: _Tried, trials: list[Trial], before: Sequence[Trial], kinds: Sequence[str], why: str
 ) -> NotConvergedError:  # fmt: skip
@@ -283,4 +291,4 @@ def _missed(
     # Of trials before an interruption there is no result any more, so that one of them may be nearer.
     is_nearest = all(_is_nearer(own, trial) for trial in before)
     which = "nearest" if is_nearest else "nearest since the search was resumed"
-    return NotConvergedError(f"the target of {100 * target:g} % is not met; {which}: {own} ({why})", partial=choice)
+    return NotConvergedError(f"{_missing(target)} {which}: {own} ({why})", partial=choice)

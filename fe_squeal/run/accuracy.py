@@ -168,7 +168,8 @@ def run_to_accuracy(
     OutputError
         The folder cannot be used.
     NotConvergedError
-        The target is not met; the results of the mesh that comes nearest are in the folder.
+        The target is not met; the results of the mesh that comes nearest are in the folder. Where a resumed search can
+        solve on no further mesh, the folder is as it was.
     """
     whole = with_mesh(scene, "--accuracy")
     if what not in ("all", *KINDS):

@@ -176,6 +176,18 @@ def test_a_first_mesh_that_fails_says_why(tmp_path, monkeypatch):
         choose(load_scene(written(tmp_path, TWO)), 1e-3)
 
 
+@pytest.mark.parametrize("kind", [TooLargeError, MeshError, NotConvergedError])
+def test_a_resumed_search_that_can_solve_on_no_mesh_names_the_nearest(tmp_path, monkeypatch, kind):
+    """It has none of the results before; the folder is as it was, and the exit code says that the target is missed."""
+    scene = load_scene(written(tmp_path, TWO))
+    trials = [Trial(name, 9, error, 1.0) for name, error in (("a", 0.4), ("b", 0.2), ("c", 0.3))]
+    monkeypatch.setattr(choosing, "_tried", fails_at(1, kind("too large"), None))
+    said = r"target of 5 % is not met; nearest before the search was resumed: b: 9 unknowns, .* \(too large\)"
+    with pytest.raises(NotConvergedError, match=said) as caught:
+        choose(scene, 0.05, earlier=(trials, choosing.first_candidate(scene)))
+    assert caught.value.partial is None and caught.value.exit_code == 3
+
+
 @pytest.mark.parametrize(("firsts", "bars", "nearest"), some([
     ([0.012, 0.0105], [0.013], 1),  # by bars the first one is farther off than 0.012
     ([0.5, 0.02], [], 1), ([0.02, 0.5], [], 0), ([0.0105, 0.02], [0.013], 0),
