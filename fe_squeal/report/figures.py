@@ -22,6 +22,7 @@ from fe_squeal.report.branches import (
     Branch,
     Floats,
     collect_branches,
+    covered_text,
     distinct_texts,
     figure_text,
     frequency_text,
@@ -48,7 +49,7 @@ _MARKERS = {("flutter", "into"): ("o", "black"), ("flutter", "out of"): ("o", "w
 
 def plot_stability(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
+    covered: tuple[float, float | None] | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the frequencies (top) and growth rates (bottom) of all branches over the sweep parameter.
 
@@ -63,8 +64,9 @@ def plot_stability(
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format (png, pdf, svg).
-    covered_hz : float, optional
-        The frequency below which all modes are known; a line is drawn there.
+    covered : (float, float or None), optional
+        The range of frequencies, Hz, in which all modes are known, without an end where that is all of them; lines are
+        drawn where it begins above 0, and where it ends.
     measured : sequence of (frequency in Hz, label)
         Measured squeal: dotted lines.
 
@@ -73,12 +75,12 @@ def plot_stability(
     Path
         The file written.
     """
-    return save_figure(stability_figure(modes, onsets, title, covered_hz, measured), path)
+    return save_figure(stability_figure(modes, onsets, title, covered, measured), path)
 
 
 @signals_deferred()  # it is laid out here, by which text is measured
 def stability_figure(
-    modes: pd.DataFrame, onsets: pd.DataFrame, title: str = "", covered_hz: float | None = None,
+    modes: pd.DataFrame, onsets: pd.DataFrame, title: str = "", covered: tuple[float, float | None] | None = None,
     measured: Sequence[tuple[float, str]] = (),
 ) -> Figure:  # fmt: skip
     """Return the figure that `plot_stability` writes."""
@@ -104,7 +106,7 @@ def stability_figure(
     bottom.set_xlabel(parameter_label(parameter_name(modes)))
     set_parameter_axis(bottom, numbers(modes, "value"))
     top.set_ylim(*_frequency_limits(modes, onsets, per_unit))
-    markers += _mark_range(top, covered_hz, per_unit)
+    markers += _mark_range(top, covered, per_unit)
     markers += _mark_measured(top, measured, per_unit)
     for axes in (top, bottom):
         axes.grid(True, color="0.92", lw=0.6)
@@ -121,7 +123,7 @@ def stability_figure(
 
 def plot_root_locus(
     modes: pd.DataFrame, onsets: pd.DataFrame, path: str | os.PathLike[str], title: str = "",
-    covered_hz: float | None = None, measured: Sequence[tuple[float, str]] = (),
+    covered: tuple[float, float | None] | None = None, measured: Sequence[tuple[float, str]] = (),
 ) -> Path:  # fmt: skip
     """Draw the eigenvalues in the λ plane, Re λ in 1/s against Im λ/2π, coloured by the sweep parameter.
 
@@ -135,7 +137,7 @@ def plot_root_locus(
         As in `modes.csv` and `onsets.csv`; `onsets` may be empty.
     path : path
         Where to write; the suffix chooses the format.
-    title, covered_hz, measured
+    title, covered, measured
         As for `plot_stability`.
     """
     unit, per_unit = frequency_unit(modes)
@@ -159,7 +161,7 @@ def plot_root_locus(
 
     axes.set_xlim(*limits)
     axes.set_ylim(*_frequency_limits(modes, onsets, per_unit))
-    markers += _mark_range(axes, covered_hz, per_unit)
+    markers += _mark_range(axes, covered, per_unit)
     markers += _mark_measured(axes, measured, per_unit)
     axes.axvspan(0.0, max(limits[1], 0.0), color="tab:red", alpha=0.06, lw=0, zorder=0)
     axes.axvline(0.0, color="0.3", lw=0.9, zorder=2)
@@ -181,18 +183,21 @@ def _frequency_limits(modes: pd.DataFrame, onsets: pd.DataFrame, per_unit: float
     return padded(hz / per_unit, floor=0.0)
 
 
-def _mark_range(axes: Axes, covered_hz: float | None, per_unit: float) -> list[Line2D]:
-    """Draw a line at the frequency up to which all modes are known; return its entry for the legend.
+def _mark_range(axes: Axes, covered: tuple[float, float | None] | None, per_unit: float) -> list[Line2D]:
+    """Draw lines at the ends of the range, Hz, in which all modes are known; return its entry for the legend.
 
-    Above it modes were not solved for.
+    Outside of it modes were not solved for.
     """
-    if covered_hz is None:
+    covered = covered or (0.0, None)
+    ends = [end / per_unit for end in covered if end]
+    if not ends:
         return []
     low, high = axes.get_ylim()
-    axes.set_ylim(low, max(high, 1.03 * covered_hz / per_unit))
+    axes.set_ylim(low, max(high, 1.03 * max(ends)))
     look: dict[str, Any] = {"color": "0.45", "lw": 0.8, "ls": (0, (6, 3))}
-    axes.axhline(covered_hz / per_unit, zorder=1, **look)
-    return [Line2D([], [], label=f"all modes below {frequency_text(covered_hz)}", **look)]
+    for end in ends:
+        axes.axhline(end, zorder=1, **look)
+    return [Line2D([], [], label=f"all modes {covered_text(covered)}", **look)]
 
 
 def _mark_measured(axes: Axes, measured: Sequence[tuple[float, str]], per_unit: float) -> list[Line2D]:

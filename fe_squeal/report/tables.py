@@ -133,10 +133,11 @@ def print_onsets(
 def _onsets_title(onsets: pd.DataFrame, covered: tuple[float, float | None] | None) -> str:
     if covered is None:
         return "Onsets"
-    title = f"Onsets {covered_text(covered)}"
-    # The modes of some values reach higher than those of others, and there onsets are found that may not be all.
-    beyond = covered[1] is not None and bool((numbers(onsets, "frequency_hz") > covered[1]).any())
-    return f"{title}, and those found above" if beyond else title
+    title, hz = f"Onsets {covered_text(covered)}", numbers(onsets, "frequency_hz")
+    # The modes of some values reach farther than those of others, and there onsets are found that may not be all.
+    sides = ["below"] if (hz < covered[0]).any() else []
+    sides += ["above"] if covered[1] is not None and (hz > covered[1]).any() else []
+    return f"{title}, and those found {' and '.join(sides)}" if sides else title
 
 
 def _as_sure(value: float, uncertainty: float) -> str:

@@ -60,6 +60,11 @@ def measured_record(
                 f" {frequency_text(row['frequency_hz'])}, {abs(percent):.2g} % {side}"
                 f" ({parameter_symbol(result.parameter)} = {row['value']:.4g})."
             )
+        if frequency.hz < covered[0]:
+            entry["sentence"] += (
+                f" It lies below {frequency_text(covered[0])}, from which on modes are known: strong dampers let direct"
+                " solves see no farther down."
+            )
         if covered[1] is not None and frequency.hz > covered[1]:
             entry["sentence"] += (
                 f" It lies above {frequency_text(covered[1])}, up to which modes are known: ask for more modes, or for"

@@ -122,8 +122,9 @@ def write_modes(result: Sweep, out: Path) -> None:
 
 
 def write_figures(
-    result: Sweep, out: Path, title: str, covered_hz: float | None = None, measured: Sequence[Frequency] = ()
-) -> list[Path]:
+    result: Sweep, out: Path, title: str, covered: tuple[float, float | None] | None = None,
+    measured: Sequence[Frequency] = (),
+) -> list[Path]:  # fmt: skip
     """Draw stability.png, root_locus.png and contributions.png, and return their paths.
 
     Parameters
@@ -132,8 +133,8 @@ def write_figures(
     out : Path
         The folder.
     title : str
-    covered_hz : float, Hz, optional
-        Frequency up to which all modes are known.
+    covered : (float, float or None), Hz, optional
+        The range in which all modes are known, see `frequency_range`.
     measured : sequence of Frequency
         Measured frequencies to be shown.
     """
@@ -143,8 +144,8 @@ def write_figures(
     modes, onsets = result.to_dataframe(), result.onsets_dataframe()
     marks = [(m.hz, m.label) for m in measured]
     return [
-        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered_hz, marks),
-        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered_hz, marks),
+        plot_stability(modes, onsets, out / STABILITY_FIGURE, title, covered, marks),
+        plot_root_locus(modes, onsets, out / ROOT_LOCUS_FIGURE, title, covered, marks),
         plot_contributions(result.contributions_dataframe(), modes, out / CONTRIBUTIONS_FIGURE, title),
     ]
 

@@ -285,7 +285,7 @@ def write_results(
             if which != "none":
                 drawing.enter_context(exporting_shapes(result, out / SHAPES, which))
         finally:  # the figures do not depend on shapes, which may take more memory than there is
-            write_figures(result, out, scene.title, frequency_range(scene, result)[1], measured.frequencies)
+            write_figures(result, out, scene.title, frequency_range(scene, result), measured.frequencies)
             if isinstance(scene, Scene):
                 write_preload(scene, result.problem, out)
     return write_mac(result, measured, out, scene.title)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -19,9 +20,9 @@ from fe_squeal.cli import main
 from fe_squeal.errors import SceneError
 from fe_squeal.report.mac import mac, mac_figure, plot_mac
 from fe_squeal.report.results import read_shapes
-from fe_squeal.run.compared import _matched
+from fe_squeal.run.compared import _matched, measured_record
+from fe_squeal.run.measured import Frequency, Measurements, read_measured
 from fe_squeal.run.measured import TestShape as FoundShape
-from fe_squeal.run.measured import read_measured
 
 # The file's axes: its x along the model's y, its y along the model's z, in mm, from a corner that is not the model's.
 AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -330,3 +331,13 @@ def test_the_example_has_frequencies_of_a_file_and_a_shape() -> None:
     assert shape.label == "laser, 4.62 kHz" and len(shape.points) == 44
     np.testing.assert_allclose(np.hypot(*shape.points[:, :2].T), 0.13, atol=1e-5)  # the rim, in m
     assert np.isnan(shape.u[:, :2]).all() and np.isfinite(shape.u[:, 2]).all()
+
+
+def test_frequencies_below_the_range_of_known_modes_are_told() -> None:
+    rows = {"stability": ["unstable"], "frequency_hz": [700.0], "branch": [1], "value": [0.8], "mode": [1]}
+    result = SimpleNamespace(to_dataframe=lambda: pd.DataFrame(rows), parameter="mu")
+    given = Measurements(tuple(Frequency(hz, None, "") for hz in (8.0, 700.0, 3000.0)))
+    below, inside, above = (entry["sentence"] for entry in measured_record(given, result, (12.0, 2000.0)))
+    assert "It lies below 12 Hz, from which on modes are known" in below and "lies above" not in below
+    assert "It lies above 2.00 kHz, up to which modes are known" in above and "lies below" not in above
+    assert "It lies" not in inside

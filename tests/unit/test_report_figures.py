@@ -258,6 +258,19 @@ def test_empty_tables_are_drawn(tmp_path):
         assert picture[..., :3].std() > 0.01
 
 
+@pytest.mark.parametrize(("covered", "ends", "label"), [
+    ((0.0, 3000.0), [3.0], "all modes below 3.00 kHz"), ((12.0, None), [0.012], "all modes above 12 Hz"),
+    ((12.0, 3000.0), [0.012, 3.0], "all modes from 12 Hz to 3.00 kHz"), ((0.0, None), [], None), (None, [], None),
+])  # fmt: skip
+def test_the_range_of_known_modes_is_drawn_with_both_ends(tmp_path, drawn, covered, ends, label):
+    plot_root_locus(*coupled_tables([(2413.0, 60.0, 0.312)], SWEEP[:2]), tmp_path / "root_locus.png", "", covered)
+    axes = drawn[0].axes[0]
+    lines = [line.get_ydata()[0] for line in axes.lines if line.is_dashed() and line.get_color() == "0.45"]
+    assert lines == pytest.approx(ends)
+    told = axes.get_legend().get_texts() if axes.get_legend() else []
+    assert [text.get_text() for text in told if "all modes" in text.get_text()] == ([label] if label else [])
+
+
 def test_root_locus_shades_the_unstable_half_and_colours_by_value(tmp_path, drawn):
     modes, onsets = coupled_tables([(2413.0, 60.0, 0.312)], SWEEP)
     plot_root_locus(modes, onsets, tmp_path / "root_locus.png", "title")

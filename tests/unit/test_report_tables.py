@@ -186,6 +186,9 @@ def test_onsets_are_shown_as_sure_as_they_are():
     assert "Onsets below 2.00 kHz, and those found above" in text
     assert " 0.12346 " in text and "0.34567891" in text and "0.123456" not in text
     assert "found above" not in printed(partial(print_onsets, covered=(0.0, None)), frame)
+    assert "Onsets above 1.00 kHz, and those found below" in printed(partial(print_onsets, covered=(1e3, None)), frame)
+    both = "from 1.00 kHz to 2.00 kHz, and those found below and above"
+    assert both in printed(partial(print_onsets, covered=(1e3, 2e3)), frame)
     assert "found above" not in printed(partial(print_onsets, covered=(0.0, 2200.0)), frame)
 
 

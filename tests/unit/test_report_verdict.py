@@ -160,6 +160,19 @@ def test_all_frequencies_are_meant_only_where_the_record_says_so(covered: list |
     assert told in said
 
 
+def test_what_grows_below_the_range_is_not_said_to_lie_in_it() -> None:
+    """Strong dampers let direct solves see no farther down than 3 kHz; a mode of 2.4 kHz was found all the same."""
+    found = results(*PAIRS, record={"frequency_range_hz": [3000.0, 6000.0]})
+    assert verdict.answer(found)[0] == (
+        "It squeals: 2 modes are unstable for μ from 0 to 0.7: 2.41 kHz; 5.00 kHz. All modes are known from 3.00 kHz to"
+        " 6.00 kHz."
+    )
+    charts = chart_data(found)
+    assert (charts["rangeEnds"], charts["rangeText"]) == ([3000.0, 6000.0], "all modes from 3.00 kHz to 6.00 kHz")
+    inside = verdict.answer(results(*PAIRS, record={"frequency_range_hz": [12.0, None]}))[0]
+    assert "2 modes are unstable above 12 Hz for" in inside
+
+
 def test_growth_whose_error_of_the_mesh_is_not_known_is_marked_everywhere() -> None:
     """Beside modes with an error of 30 1/s one of the solver's alone looks sure: sentence, table and section say so."""
     found = results(*PAIRS)
@@ -191,6 +204,7 @@ def test_where_growing_modes_part_growth_neither_begins_nor_ends(turned: bool, t
     at = "0.1" if turned else "0.5"
     sections = mode_sections(found)
     assert f"At p = {at} {law}; growth neither begins nor ends there." in sections
+    assert "<td>parting</td><td>grows on both sides</td>" in onset_table(found)
     assert "instability at" not in sections and [o["parting"] for o in chart_data(found)["onsets"]] == [True]
     drawn = []
     monkeypatch.setattr(figures, "save_figure", lambda figure, path: drawn.append(figure))
@@ -204,7 +218,6 @@ def test_growth_in_a_window_between_values_is_about() -> None:
     """It has no row in the table of modes: two digits, in the sentence, the table and the section."""
     calm = results((2413.0, 60.0, 0.9))
     rows = [("mu", v, 2400.0, "flutter", d, 50.0, 1, 2, 1e-9, np.nan, np.nan)
-    assert "<td>parting</td><td>grows on both sides</td>" in onset_table(found)
             for v, d in ((0.103, "into"), (0.105, "out of"))]  # fmt: skip
     found = replace(calm, onsets=pd.DataFrame(rows, columns=ONSET_COLUMNS))
     assert "Re λ = about 1.1 1/s at μ = 0.104" in next(s for s in verdict.answer(found) if s.startswith("The fastest"))

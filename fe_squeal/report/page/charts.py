@@ -13,6 +13,7 @@ from fe_squeal.report.branches import (
     PARAMETER_LABELS,
     Bools,
     collect_branches,
+    covered_text,
     frequency_text,
     numbers,
     parameter_symbol,
@@ -22,6 +23,7 @@ from fe_squeal.report.branches import (
 from fe_squeal.report.growth import growth_curves, onset_laws
 from fe_squeal.report.looks import body_text, diameters_text, look_text, plane_text, way_text
 from fe_squeal.report.onsets import mesh_states
+from fe_squeal.report.record import covered_range
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import half_known_growth, with_uncertainty
 
@@ -32,7 +34,7 @@ def chart_data(results: Results) -> dict[str, Any]:
     name = results.parameter
     values = np.unique(numbers(modes, "value"))
     growth, notes = growth_limits(modes)
-    range_hz = (results.record.get("frequency_range_hz") or [0.0, None])[1]
+    covered = covered_range(results.record) or (0.0, None)
     return {
         "parameter": name,
         "symbol": parameter_symbol(name),
@@ -40,7 +42,8 @@ def chart_data(results: Results) -> dict[str, Any]:
         "logarithmic": bool(len(values) > 1 and values[0] > 0 and values[-1] / values[0] > 50),
         "values": values.tolist(),
         "texts": [value_text(v) for v in values],
-        "rangeHz": range_hz,
+        "rangeEnds": [end for end in covered if end],  # Hz; lines are drawn there
+        "rangeText": f"all modes {covered_text(covered)}",
         "growthRange": growth,  # of the root locus, with sentences on what lies outside of it
         "growthNotes": notes,
         "branches": _branches(results),

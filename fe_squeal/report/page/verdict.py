@@ -10,6 +10,7 @@ import pandas as pd
 from fe_squeal.report.branches import covered_text, frequency_text, numbers, parameter_symbol, total_uncertainty
 from fe_squeal.report.looks import body_text, diameters_text, way_text
 from fe_squeal.report.onsets import mesh_errors, partings, refined_only
+from fe_squeal.report.record import covered_range
 from fe_squeal.report.results import Results
 from fe_squeal.report.tables import (
     UnstableInterval,
@@ -118,8 +119,7 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     symbol, values = parameter_symbol(results.parameter), numbers(results.modes, "value")
     span = f"{symbol} = {values.min():.4g}" if values.min() == values.max() else (
         f"{symbol} from {values.min():.4g} to {values.max():.4g}")  # fmt: skip
-    covered = results.record.get("frequency_range_hz")
-    top = covered[1] if covered else None
+    covered = covered_range(results.record)
     where = f" {covered_text(covered)}" if covered else " among the computed modes"
     branches = list({row.branch: row for row in reversed(intervals)}.values())
     if not branches:
@@ -135,8 +135,9 @@ def _what_squeals(results: Results, intervals: list[UnstableInterval]) -> str:
     count = "1 mode is" if len(branches) == 1 else f"{len(branches)} modes are"
     noises = {row.noise for row in branches if row.noise}
     word = "It squeals" if not noises or "squeal" in noises else "It is unstable"
-    beyond = any(peak_hz(results, row) > top for row in branches) if top is not None else False
-    if beyond:  # a mode may be beyond the range that is known at all values, and inside that of its own value
+    low, high = covered or (0.0, None)
+    # A mode may be outside the range that is known at all values, and inside that of its own value.
+    if any(not low <= peak_hz(results, row) <= (np.inf if high is None else high) for row in branches):
         return f"{word}: {count} unstable for {span}: {named}{more}. All modes are known{where}."
     return f"{word}: {count} unstable{where} for {span}: {named}{more}."
 

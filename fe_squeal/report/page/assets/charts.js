@@ -106,16 +106,16 @@ if (DATA.charts) {
   }
 
   function labelOfRange() {
-    return C.rangeHz ? [{ xref: "paper", yref: "y", x: 1, y: C.rangeHz / per, xanchor: "right", yanchor: "bottom", showarrow: false,
-      text: `all modes below ${digits(C.rangeHz / per, 3)} ${unit}`, font: { size: 11, color: "#51606e" } }] : [];
+    return C.rangeEnds.length ? [{ xref: "paper", yref: "y", x: 1, y: largest(C.rangeEnds) / per, xanchor: "right", yanchor: "bottom", showarrow: false,
+      text: C.rangeText, font: { size: 11, color: "#51606e" } }] : [];
   }
 
   const floorOfGrowth = largest(growing.flatMap((b) => b.re), 0);
   const topOfBars = growing.reduce((most, b) => b.re.reduce((top, r, i) => Math.max(top, r + (b.bar[i] || 0)), most), 0);
-  const shapesOfChart = C.rangeHz ? [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: C.rangeHz / per, y1: C.rangeHz / per,
-    line: { color: "#51606e", width: 1, dash: "dash" } }] : [];
+  const shapesOfChart = C.rangeEnds.map((hz) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: hz / per, y1: hz / per,
+    line: { color: "#51606e", width: 1, dash: "dash" } }));
   const stability = document.getElementById("stability");
-  const mostHz = largest([...C.branches.flatMap((b) => b.hz), ...C.onsets.map((o) => o.hz), ...C.measured.map((m) => m.frequency_hz)], C.rangeHz || 0) / per;
+  const mostHz = largest([...C.branches.flatMap((b) => b.hz), ...C.onsets.map((o) => o.hz), ...C.measured.map((m) => m.frequency_hz), ...C.rangeEnds], 0) / per;
   Plotly.newPlot(stability, stabilityTraces(), { ...base, annotations: labelOfRange(), shapes: shapesOfChart,
     xaxis: { ...grid, ...axisOfParameter, anchor: "y2" },
     yaxis: { ...grid, domain: [0.42, 1], title: { text: `frequency (${unit})` }, range: [0, 1.08 * mostHz], zeroline: false },
