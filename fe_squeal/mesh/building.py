@@ -38,8 +38,8 @@ def build_mesh(raw: RawMesh, source: str, scale: float = 1.0) -> LoadedMesh:
     Raises
     ------
     MeshError
-        There are no volume elements; coordinates are not finite; or elements are inverted, flat, listed twice, or lack
-        nodes.
+        There are no volume elements; coordinates are not finite; or elements are inverted, flat, listed twice, lack
+        nodes, or share a node that is a corner of one and a midside node of another.
     """
     with np.errstate(over="ignore"):  # an overflow is caught as a coordinate that is not finite
         raw = replace(raw, points=np.asarray(raw.points, dtype=np.float64) * scale)
@@ -141,25 +141,42 @@ def _assemble(points: Floats, block: CellBlock, source: str, names: np.ndarray) 
     """Return the scikit-fem mesh of a block; `names` (n,) str are what messages call its elements.
 
     scikit-fem gives the nodes of quadratic elements new numbers, the corners first in the order of their old ones.
+
+    Raises
+    ------
+    MeshError
+        Neighbours have different corners on an edge that they share, or midside nodes at different places.
     """
     ordered = block.nodes[:, skfem_order(block.kind)]
+    used, corners = np.unique(ordered[:, : corner_count(block.kind)], return_inverse=True)
+    cells = corners.reshape(len(ordered), -1).T.astype(np.int32).copy()
+    mesh = MESH_CLASS[block.kind](points[used].T.copy(), cells)
     if block.kind == SHAPE[block.kind]:
-        used, ordered = np.unique(ordered, return_inverse=True)
-        return MESH_CLASS[block.kind](
-            points[used].T.copy(), ordered.reshape(block.nodes.shape).T.astype(np.int32).copy()
+        return mesh
+    # scikit-fem keeps one node per corner, edge, face and cell.
+    own = mesh.dofs.element_dofs.T
+    place = np.empty(int(ordered.max()) + 1, np.int64)
+    place[ordered] = own
+    shared = np.unique(ordered[place[ordered] != own])
+    bad = np.flatnonzero(np.isin(ordered, shared).any(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{source}: elements {listed(names[bad])} have a node that is a corner of one and a midside node of another"
+            ", or a midside node of two edges or faces; expected neighbours with the same corners, not a large element"
+            " beside two small ones, nor nodes merged by mistake"
         )
-    mesh = MESH_CLASS[block.kind](points.T.copy(), ordered.T.astype(np.int32).copy())
-    # scikit-fem keeps one node per edge and face. So the midside nodes of neighbours have to be at the same place.
+    # So the midside nodes of neighbours have to be at the same place.
     given = points[ordered]
-    apart = np.abs(mesh.doflocs[:, mesh.dofs.element_dofs].transpose(2, 1, 0) - given).max(axis=(1, 2))
+    places = np.empty((mesh.dofs.N, 3))
+    places[own] = given
+    apart = np.abs(places[own] - given).max(axis=(1, 2))
     bad = np.flatnonzero(apart > 1e-6 * np.ptp(given, axis=1).max(axis=1))
     if len(bad):
         raise MeshError(
             f"{source}: elements {listed(names[bad])} share an edge or face with a neighbour whose midside node there "
             "lies elsewhere; the mesh has a gap, merge the midside nodes"
         )
-    # Nodes that neighbours had each for themselves leave columns behind, at the origin, that belong to no element.
-    return replace(mesh, doflocs=mesh.doflocs[:, : mesh.dofs.N])
+    return replace(mesh, doflocs=places.T.copy())
 
 
 def _facet_groups(

@@ -92,15 +92,15 @@ def element_names(blocks: tuple[CellBlock, ...]) -> NDArray[np.str_]:
 
 
 def listed(names: list[str] | NDArray[np.str_], limit: int = 5) -> str:
-    """Return the first few names, and how many more there are, for a message.
+    """Return the first few different names, and how many more there are, for a message.
 
     Examples
     --------
     >>> listed([str(i) for i in range(1, 9)])
     '1, 2, 3, 4, 5 and 3 more'
     """
-    shown = ", ".join(str(name) for name in names[:limit])
-    return shown + (f" and {len(names) - limit} more" if len(names) > limit else "")
+    once = list(dict.fromkeys(str(name) for name in names))
+    return ", ".join(once[:limit]) + (f" and {len(once) - limit} more" if len(once) > limit else "")
 
 
 def rows_of(wanted: Ints, labels: Ints) -> Ints:

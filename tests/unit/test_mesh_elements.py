@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mesh_measures import area, single, volume
 
+from fe_squeal.errors import MeshError
 from fe_squeal.mesh.building import build_mesh
 from fe_squeal.mesh.elements import (
     FACES,
@@ -21,6 +22,7 @@ from fe_squeal.mesh.elements import (
     skfem_order,
 )
 from fe_squeal.mesh.gmsh_cells import NODES, SOLIDS
+from fe_squeal.mesh.raw import CellBlock, RawMesh
 
 VTK = {
     "tetra": "vtkTetra", "tetra10": "vtkQuadraticTetra", "hexahedron": "vtkHexahedron", "wedge15": "vtkQuadraticWedge",
@@ -145,6 +147,42 @@ def test_mirrored_cells_are_the_same_body(kind):
     )
     assert any("left-handed throughout" in note for note in turned.notes)
     assert volume(turned.mesh) == pytest.approx(EXACT[SHAPE[kind]], rel=1e-12)
+
+
+def cells_at(kind, *places):
+    """Reference cells, each in a size and moved, with labels 7, 8, ...; where nodes meet they are the same one."""
+    points = np.concatenate([size * REFERENCE[kind] + shift for size, *shift in places])
+    _, first, nodes = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    rows = nodes.reshape(len(places), -1)
+    return RawMesh(points[first], first + 1, (CellBlock(kind, rows, 7 + np.arange(len(rows))),), {}, {})
+
+
+@pytest.mark.parametrize("kind", ["tetra10", "hexahedron20", "hexahedron27", "wedge15", "pyramid13"])
+def test_a_large_element_beside_smaller_ones_is_refused(kind):
+    """The top of the small one is the middle of an edge of the large one; a third element is far away."""
+    shift = REFERENCE[kind][corner_count(kind)] - 0.5 * REFERENCE[SHAPE[kind]][-1]
+    with pytest.raises(MeshError, match=r"^a\.inp: elements 7, 8 have a node that is a corner of one and a midside"):
+        build_mesh(cells_at(kind, (1.0, 0, 0, 0), (0.5, *shift), (1.0, 9, 9, 9)), "a.inp")
+    fitting = build_mesh(cells_at(kind, (1.0, 0, 0, 0), (0.5, 5, 5, 5), (1.0, 9, 9, 9)), "a.inp")
+    assert volume(fitting.mesh) == pytest.approx(2.125 * EXACT[SHAPE[kind]], rel=1e-12)
+
+
+def test_a_midside_node_of_two_edges_is_refused():
+    """Elements 7 and 9 touch with nodes of their own, but for one; 7 and 8 share corners, and midside nodes are apart.
+
+    The nodes that are left over for 7 and 8 are as many as are missing, and more.
+    """
+    raw = cells_at("hexahedron20", (1.0, 0, 0, 0), (1.0, 0, 0, -1), (1.0, 0, 0, 1))
+    rows, places = raw.blocks[0].nodes.copy(), raw.points[raw.blocks[0].nodes]
+    own = [(1, slice(8, 20)), (2, slice(0, 8)), (2, slice(9, 20))]  # node 8 of element 9 stays that of 7
+    points = [raw.points]
+    for cell, columns in own:
+        rows[cell, columns] = sum(map(len, points)) + np.arange(len(rows[cell, columns]))
+        points.append(places[cell, columns])
+    points = np.concatenate(points)
+    raw = RawMesh(points, np.arange(len(points)), (CellBlock("hexahedron20", rows, np.array([7, 8, 9])),), {}, {})
+    with pytest.raises(MeshError, match=r"elements 7, 9 have a node .* or a midside node of two edges or faces"):
+        build_mesh(raw, "a.inp")
 
 
 def test_matching_refuses_other_node_sets():
