@@ -39,7 +39,7 @@ def load_mesh(
     ----------
     path : str or Path
         .msh (Gmsh 2.2, 4.0, 4.1), .inp (Abaqus), .cdb (Ansys), .bdf, .nas, .dat, .fem (Nastran), .unv (universal
-        files), .vtu, .vtk, .xdmf, .med or whatever else meshio reads.
+        files), .vtu, .vtk, .xdmf, .med or whatever else meshio reads, but no Exodus file.
     length_unit : "m" or "mm"
         The unit of the file's coordinates.
     folders : sequence of str or Path

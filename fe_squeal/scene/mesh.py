@@ -17,8 +17,9 @@ class MeshSection(Section):
     ----------
     file : str
         The mesh file, relative to the scene file: .msh (Gmsh), .inp (Abaqus), .bdf, .nas, .dat, .fem (Nastran), .cdb
-        (Ansys), .unv, .vtu, .vtk, .xdmf, .med, or another one that meshio reads. `fe-squeal mesh` makes it from the
-        geometry. `run --accuracy` and `accuracy` make their meshes from the geometry where there is one.
+        (Ansys), .unv, .vtu, .vtk, .xdmf, .med, or another one that meshio reads, but no Exodus file. Names in it are
+        taken as UTF-8, or else as Windows-1252. `fe-squeal mesh` makes it from the geometry. `run --accuracy` and
+        `accuracy` make their meshes from the geometry where there is one.
     length_unit : "m" or "mm"
         Unit of the file's coordinates, and of the lengths in `[mesh.disc_pad]` and `[mesh.block]`; of nothing else.
     allow_outside : bool

@@ -7,6 +7,7 @@ described at https://gmsh.info/doc/texinfo/gmsh.html (MSH file format).
 
 from __future__ import annotations
 
+import codecs
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from fe_squeal.errors import MeshError
 from ..gmsh_cells import NODES, GmshCells, raw_mesh
 from ..raw import Ints, RawMesh
 from .others import read_with_meshio
-from .sources import Sources
+from .sources import Sources, text_lines
 
 
 class _Cursor:
@@ -59,7 +60,7 @@ def read_gmsh(path: Path) -> RawMesh:
     MeshError
         The file is damaged, or not from Gmsh.
     """
-    data = path.read_bytes()
+    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     if not data.lstrip().startswith(b"$"):
         return read_with_meshio(Sources(path))  # Ansys writes .msh files too
     try:
@@ -121,7 +122,7 @@ def _header(sections: dict[str, bytes]) -> tuple[str, int, bool, str]:
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
     names = {}
-    for line in body.decode("utf-8", "replace").splitlines()[1:]:
+    for line in text_lines(body)[1:]:
         dimension, tag, name = line.split(maxsplit=2)
         names[int(dimension), int(tag)] = name.strip().strip('"')
     return names

@@ -17,13 +17,15 @@ from .meshio_patches import patched_meshio, with_sized_integers
 from .sources import Sources
 
 _CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
+# Of Exodus files meshio 5.3.5 reads neither names of blocks nor side sets, and nodes of hexahedra in a wrong order.
+_EXODUS = (".e", ".exo", ".ex2")
 _REFUSED = ("VTK_LAGRANGE", "VTK_BEZIER", "polyhedron", "tetra", "hexahedron", "wedge", "pyramid")
 # An integer array with more different values than this numbers the cells, and makes no groups.
 MOST_VALUES = 500
 
 
 def read_with_meshio(sources: Sources) -> RawMesh:
-    """Read any format that meshio knows.
+    """Read any format that meshio knows, but Exodus.
 
     An integer cell array "name" makes a group "name:v" for each value v, and a group "v" too if it is the only such
     array. An array of zeros and ones also makes the group "name" of the cells with a one. meshio's cell sets, point
@@ -32,11 +34,16 @@ def read_with_meshio(sources: Sources) -> RawMesh:
     Raises
     ------
     MeshError
-        meshio cannot read the file.
+        meshio cannot read the file, or it is an Exodus file.
     """
+    path = sources.path
+    if path.suffix.lower() in _EXODUS:
+        raise MeshError(
+            f"{path.name}: Exodus files are not read, as their groups would be lost; save the mesh as an Abaqus file"
+            " (.inp)"
+        )
     import meshio
 
-    path = sources.path
     printed = io.StringIO()
     try:
         # meshio prints and calls sys.exit on files it cannot read.

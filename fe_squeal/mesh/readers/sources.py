@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import stat
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,4 +106,31 @@ class Sources:
         data = path.read_bytes()
         if b"\0" in data:
             raise MeshError(f"{source}: {path.name} is not a text file; expected {kind}")
-        return data.decode("utf-8", "replace").splitlines()
+        return text_lines(data)
+
+
+def text_lines(data: bytes) -> list[str]:
+    """Return the lines of a text in UTF-8, with or without a byte order mark, or else in a code page of one byte.
+
+    What is no UTF-8 is taken as code page 1252, of Windows in western Europe. Names in another code page look wrong
+    then, but different ones stay different. Lines end with a line feed, a carriage return or both.
+
+    Examples
+    --------
+    >>> text_lines("ä\\r\\nö".encode()) == text_lines("ä\\nö\\n".encode("cp1252"))
+    True
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = codecs.charmap_decode(data, "strict", _WINDOWS)[0]
+    return text.replace("\r\n", "\n").replace("\r", "\n").removesuffix("\n").split("\n")
+
+
+def _character(byte: int) -> str:
+    """Return the character of a byte in code page 1252; where it has none that is seen, a letter of no other byte."""
+    text = bytes([byte]).decode("cp1252", "ignore")
+    return text if byte < 128 or (text and text.isprintable()) else chr(256 + byte)
+
+
+_WINDOWS = "".join(map(_character, range(256)))
