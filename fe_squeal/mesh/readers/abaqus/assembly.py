@@ -7,7 +7,7 @@ import numpy as np
 from fe_squeal.errors import MeshError, suggest
 
 from ...checking import connect
-from ...raw import CellBlock, Floats, Ints, RawMesh, rows_of
+from ...raw import CellBlock, Floats, Ints, RawMesh, listed, rows_of
 from .groups import with_groups
 from .loads import add_loaded_faces
 from .model import DeckModel, Instance, Scope, nodes_of
@@ -20,7 +20,8 @@ def place_model(model: DeckModel, source: str) -> tuple[RawMesh, ModelSets]:
     Raises
     ------
     MeshError
-        An instance is of a part that does not exist, or nodes, sets or elements are missing.
+        An instance is of a part that does not exist, nodes, sets or elements are missing, or two elements of a part or
+        instance have one number.
     """
     points: list[Floats] = []
     labels: list[Ints] = []
@@ -30,12 +31,13 @@ def place_model(model: DeckModel, source: str) -> tuple[RawMesh, ModelSets]:
     count = {"NSET": 0, "ELSET": 0}
 
     def place(name: str, scopes: tuple[Scope, ...], where: tuple[tuple[float, ...], ...], part: str = "") -> Located:
-        node_labels, xyz = nodes_of(scopes, f"{source}: {name}" if name else source)
+        told = f"{source}: {name}" if name else source
+        node_labels, xyz = nodes_of(scopes, told)
         prefix = f"{name}." if name else ""
         prefixes.append((count["NSET"], prefix))
         cell_labels, cell_rows = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         for cells in (cells for scope in scopes for cells in scope.cells):
-            rows = connect(cells.nodes, node_labels, cells.labels, "element", f"{source}: {name}" if name else source)
+            rows = connect(cells.nodes, node_labels, cells.labels, "element", told)
             blocks.append(CellBlock(cells.kind, np.where(rows < 0, -1, rows + count["NSET"]), cells.labels, prefix))
             cell_labels.append(cells.labels)
             cell_rows.append(count["ELSET"] + np.arange(len(rows)))
@@ -52,12 +54,18 @@ def place_model(model: DeckModel, source: str) -> tuple[RawMesh, ModelSets]:
         node_rows = count["NSET"] + np.arange(len(node_labels))
         count["NSET"] += len(node_labels)
         others = np.array([label for scope in scopes for label in scope.others], dtype=np.int64)
-        skipped = np.setdiff1d(others, np.concatenate(cell_labels))
+        elements = np.concatenate([*cell_labels, others])
+        unique, times = np.unique(elements, return_counts=True)
+        if (times > 1).any():
+            raise MeshError(
+                f"{told}: element number {listed(unique[times > 1].astype(str))} is defined more than once; give every"
+                " element its own number"
+            )
         return Located(
             name,
             scopes,
-            {"NSET": node_labels, "ELSET": np.concatenate([*cell_labels, skipped])},
-            {"NSET": node_rows, "ELSET": np.concatenate([*cell_rows, np.full(len(skipped), -1)])},
+            {"NSET": node_labels, "ELSET": elements},
+            {"NSET": node_rows, "ELSET": np.concatenate([*cell_rows, np.full(len(others), -1)])},
             part,
         )
 

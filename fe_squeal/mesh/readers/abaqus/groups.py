@@ -29,7 +29,9 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
     surfaces: dict[str, list[Ints]] = {}
     unusable: dict[str, str] = {}
     everything = [assembly.own, *assembly.instances.values()]
-    skins: dict[str, list[Ints]] = {}
+    skins: dict[str, list[Ints]] = {}  # shells of *ELSET
+    shells: dict[str, list[Ints]] = {}  # shells of *SURFACE
+    of_surfaces: set[str] = set()  # names, in capitals: *ELSET has names of its own, and they may be the same
     faces = faces_of(raw)
     homes: dict[tuple[str, str], set[str]] = {}
     for placed in everything:
@@ -48,6 +50,9 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
         unusable[spelled] = f'several parts have a set of that name; take one of them, such as "{full}"'
         return [full]
 
+    def lie_on_solids(parts: list[Ints]) -> bool:
+        return all((find_rows(part, faces[part.shape[1]].corners) >= 0).all() for part in parts)
+
     for placed in everything:
         for key, spelled in placed.names("NSET").items():
             rows = assembly.members("NSET", placed, spelled)
@@ -64,6 +69,7 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
         for key, spelled in placed.names("SURFACE").items():
             kind, rows_and_labels = assembly.surface(placed, spelled)
             names = names_of(placed, "SURFACE", key, spelled)
+            of_surfaces.update(name.upper() for name in names)
             if kind == "NODE":
                 rows = np.concatenate([np.empty(0, np.int64), *(rows for rows, _ in rows_and_labels)])
                 for name in names:
@@ -74,10 +80,9 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
                     for rows, label in rows_and_labels
                     for part in _labelled(raw, rows, label, faces, f'{assembly.source}: surface "{spelled}"')
                 ]
-                shells = [part for rows, _ in rows_and_labels for part in assembly.skin_of(rows) if len(part)]
+                skin = [part for rows, _ in rows_and_labels for part in assembly.skin_of(rows) if len(part)]
                 for name in names:
-                    if shells:
-                        skins.setdefault(name, []).extend(shells)
+                    shells.setdefault(name, []).extend(skin)
                     surfaces.setdefault(name, []).extend(parts)
             else:
                 unusable.update(dict.fromkeys(names, f"*SURFACE, {kind} is not read"))
@@ -85,11 +90,20 @@ def with_groups(raw: RawMesh, assembly: ModelSets) -> RawMesh:
         solid = placed.rows["ELSET"][placed.rows["ELSET"] >= 0]
         if placed.name and len(solid):
             volumes.setdefault(placed.name, solid)
+    off = "its shell elements are no faces of solid elements"
+    for name, parts in shells.items():
+        if lie_on_solids(parts):
+            surfaces[name].extend(parts)
+        else:
+            del surfaces[name]
+            unusable[name] = off
     for name, parts in skins.items():
-        if all((find_rows(part, faces[part.shape[1]].corners) >= 0).all() for part in parts):
+        if name.upper() in of_surfaces:
+            continue
+        if lie_on_solids(parts):
             surfaces.setdefault(name, []).extend(parts)
-        elif surfaces.pop(name, None) is not None or not len(volumes.get(name, [])):
-            unusable[name] = "its shell elements are no faces of solid elements"
+        elif not len(volumes.get(name, [])):
+            unusable[name] = off
     for name in [name for name, rows in volumes.items() if not len(rows)]:
         if name not in surfaces:
             unusable.setdefault(name, "the element set holds no solid element")

@@ -52,7 +52,7 @@ class ModelSets:
         three = corners[:, 3] < 0
         return [corners[three][:, :3], corners[~three]]
 
-    def members(self, word: str, placed: Located, name: str, path: tuple[str, ...] = ()) -> Ints:
+    def members(self, word: str, placed: Located, name: str, path: tuple[tuple[str, str], ...] = ()) -> Ints:
         """Return the positions (n,) of the members of a set of nodes (word "NSET") or elements ("ELSET").
 
         Raises
@@ -60,7 +60,8 @@ class ModelSets:
         MeshError
             A set, instance or number does not exist, or a set contains itself.
         """
-        if name.upper() in path:
+        own = placed.name, name.upper()
+        if own in path:
             raise MeshError(f'{self.source}: set "{name}" contains itself')
         parts = [np.empty(0, np.int64)]
         for member in placed.sets(word, name):
@@ -75,18 +76,18 @@ class ModelSets:
             parts.append(self._rows(word, home, np.array(numbers, dtype=np.int64), name))
             for item in member.items:
                 if not is_label(item):
-                    parts.append(
-                        self.find(word, home, item, f'set "{name}"', (*path, name.upper()) if home is placed else ())
-                    )
+                    parts.append(self.find(word, home, item, f'set "{name}"', (*path, own)))
         return np.unique(np.concatenate(parts))
 
-    def find(self, word: str, placed: Located, text: str, user: str, path: tuple[str, ...] = ()) -> Ints:
+    def find(
+        self, word: str, placed: Located, text: str, user: str, path: tuple[tuple[str, str], ...] = ()
+    ) -> Ints:
         """Return the positions (n,) of what a reference means: a number, a set, INSTANCE.SET or INSTANCE.number.
 
         Raises
         ------
         MeshError
-            It does not exist.
+            It does not exist, or is a set that contains itself.
         """
         if is_label(text):
             return self._rows(word, placed, np.array([label_of(text)]), user)
@@ -94,7 +95,7 @@ class ModelSets:
             return self.members(word, placed, text, path)
         inside = self._inside(text)
         if inside is not None:
-            return self.find(word, *inside, user)
+            return self.find(word, *inside, user, path)
         what = "node set" if word == "NSET" else "element set"
         raise MeshError(
             f'{self.source}: {user} refers to {what} "{text}", which does not exist'

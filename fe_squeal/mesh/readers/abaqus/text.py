@@ -192,3 +192,18 @@ def numbers(block: KeywordBlock, source: str, lines: list[str] | None = None) ->
                 f' "{block.shown(lines[row])}" is not a number'
             ) from None
     return values, ends
+
+
+def whole_numbers(values: Floats, what: str, block: KeywordBlock, source: str) -> Ints:
+    """Return numbers (n,) of a block as integers; `what` they are is for messages.
+
+    Raises
+    ------
+    MeshError
+        A number is not whole.
+    """
+    if len(values) and not (
+        np.isfinite(values).all() and (values == np.floor(values)).all() and (np.abs(values) < 2**53).all()
+    ):
+        raise MeshError(f"{source}: {block.where}: {what} must be whole numbers")
+    return values.astype(np.int64)
