@@ -26,9 +26,11 @@ def archive(*segments: tuple[int, list[int]]) -> Archive:
     (170, [11, 12, 13], [0, 1, 2]), (170, [11, 12, 13, 14, 15, 16], [0, 1, 2]),
     (170, [11, 12, 13, 14], [0, 1, 2, 3]), (170, [11, 12, 13, 14, 15, 16, 17, 18], [0, 1, 2, 3]),
     (174, [11, 12, 13, 13], [0, 1, 2]), (174, [11, 12, 13, 13, 15, 16, 13, 18], [0, 1, 2]),
-    (174, [11, 12, 13, 14, 0, 16, 0, 18], [0, 1, 2, 3]), (170, [11], []), (170, [11, 12], []),
-], ids=["TRI", "TRI6", "QUAD", "QUA8", "triangle", "quadratic triangle", "midside nodes left out", "pilot",
-        "line"])  # fmt: skip
+    (174, [11, 12, 13, 14, 0, 16, 0, 18], [0, 1, 2, 3]), (174, [11, 12, 13, 14, 0, 16], [0, 1, 2, 3]),
+    (174, [11, 12, 13, 14, 15, 16], [0, 1, 2, 3]), (170, [11, 12, 13, 14, 0, 16], [0, 1, 2, 3]),
+    (170, [11], []), (170, [11, 12], []),
+], ids=["TRI", "TRI6", "QUAD", "QUA8", "triangle", "quadratic triangle", "midside nodes left out",
+        "three of them, with the last", "the last two of them", "three of a target", "pilot", "line"])  # fmt: skip
 def test_segments_have_the_corners_of_their_shape(kind: int, nodes: list[int], corners: list[int]) -> None:
     """Beside a triangle and a quadrilateral, which stay."""
     name = {170: "target_4", 174: "contact_4"}[kind]

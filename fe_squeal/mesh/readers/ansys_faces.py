@@ -36,7 +36,7 @@ def contact_surfaces(archive: Archive, numbers: Ints) -> dict[str, list[Ints]]:
         word = _CONTACTS.get(types.get(int(row[1]), 0))
         if word is None or len(row) < FIRST + 3:
             continue
-        corners = _corners(_corner_nodes(row), find)
+        corners = _corners(_corner_nodes(row, word), find)
         if len(corners) in (3, 4):
             found.setdefault(f"{word}_{int(row[2])}", []).append(corners)
     return {name: _by_count(faces) for name, faces in found.items()}
@@ -173,13 +173,14 @@ def _corners(nodes: Ints, find: Rows) -> Ints:
     return corners if (corners >= 0).all() else corners[:0]
 
 
-def _corner_nodes(row: Ints) -> Ints:
+def _corner_nodes(row: Ints, word: str) -> Ints:
     """Return the nodes of a segment's corners: the first three of the 3 or 6 of a triangle, else the first four.
 
-    TARGE170 has triangles of their own (TRI and TRI6); those of CONTA174 repeat a node of a quadrilateral.
+    TARGE170 has triangles of their own (TRI and TRI6). Those of CONTA174 repeat a node of a quadrilateral, which may
+    leave out midside nodes: they are zero.
     """
-    count = len(np.trim_zeros(row[FIRST:], "b"))
-    return row[FIRST : FIRST + (3 if count in (3, 6) else 4)]
+    nodes = np.trim_zeros(row[FIRST:], "b")
+    return nodes[: 3 if word == "target" and len(nodes) in (3, 6) and nodes.all() else 4]
 
 
 def _by_count(faces: list[Ints]) -> list[Ints]:
