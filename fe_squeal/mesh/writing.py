@@ -25,9 +25,10 @@ _FACET_TYPES = {3: 2, 6: 9, 4: 3, 9: 10}  # Gmsh's type number of a facet, by it
 def write_loaded(loaded: LoadedMesh, path: str | Path, length_unit: str = "m") -> Path:
     """Write a mesh with its volume groups, surfaces and node sets.
 
-    Nodes keep their numbers if these are known and unique in the whole mesh. Elements get new numbers. Labels, notes
-    and warnings of the file that the mesh came from are not written, nor is `LoadedMesh.bisection`. The file gets its
-    name when it is complete, so that nobody sees a part of it.
+    Nodes keep their numbers if these are known, unique in the whole mesh and positive, as the format wants them; else
+    they are numbered from 1. Elements get new numbers. Labels, notes and warnings of the file that the mesh came from
+    are not written, nor is `LoadedMesh.bisection`. The file gets its name when it is complete, so that nobody sees a
+    part of it.
 
     Parameters
     ----------
@@ -151,9 +152,10 @@ def _node_groups(loaded: LoadedMesh) -> dict[str, Ints]:
 
 def _node_numbers(loaded: LoadedMesh) -> Ints:
     count = loaded.mesh.doflocs.shape[1]
-    if list(loaded.node_numbers) != [""]:
+    known = loaded.node_numbers
+    if list(known) != [""] or known[""][0].min() < 1:
         return np.arange(1, count + 1)
-    given, columns = loaded.node_numbers[""]
+    given, columns = known[""]
     numbers = int(given.max()) + 1 + np.arange(count)
     numbers[columns] = given
     return numbers

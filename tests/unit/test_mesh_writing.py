@@ -14,10 +14,13 @@ import fe_squeal
 from fe_squeal import from_skfem
 from fe_squeal.errors import MeshError, OutputError
 from fe_squeal.mesh import load_mesh
+from fe_squeal.mesh.building import build_mesh
+from fe_squeal.mesh.elements import REFERENCE
 from fe_squeal.mesh.groups import NodeSet
 from fe_squeal.mesh.marked import refine_marked
 from fe_squeal.mesh.measures import area_of, volume_of
 from fe_squeal.mesh.node_sets import find_nodes
+from fe_squeal.mesh.raw import CellBlock, RawMesh
 from fe_squeal.mesh.refining import refine
 from fe_squeal.mesh.writing import write_loaded
 from meshes import KINDS, STEEL, box, frequencies, join, make_problem
@@ -178,3 +181,22 @@ def test_a_mesh_that_was_read_back_is_written_as_before(tmp_path):
     first = write_loaded(loaded, tmp_path / "a.msh")
     again = write_loaded(load_mesh(first), tmp_path / "b.msh")
     assert first.read_bytes() == again.read_bytes()
+
+
+@pytest.mark.parametrize("kind", ["tetra", "tetra10"])
+def test_nodes_that_are_numbered_from_zero_are_numbered_from_one(tmp_path, kind):
+    """Gmsh knows no node 0, and would take another one for it."""
+    nodes = np.arange(len(REFERENCE[kind]))
+    raw = RawMesh(REFERENCE[kind], nodes, (CellBlock(kind, nodes[None], np.array([0])),), {"a": np.array([0])}, {})
+    loaded = build_mesh(raw, "a.vtu")
+    assert loaded.node_numbers[""][0].min() == 0
+    write_loaded(loaded, tmp_path / "a.msh")
+    gmsh.initialize(["", "-v", "1"], interruptible=False)
+    try:
+        gmsh.open(str(tmp_path / "a.msh"))
+        assert sorted(gmsh.model.mesh.getNodes()[0].tolist()) == (nodes + 1).tolist()
+        _, [element], _ = gmsh.model.mesh.getElements(3)
+        assert gmsh.model.mesh.getElementQualities(element, "volume") == pytest.approx([1 / 6], rel=1e-12)
+    finally:
+        gmsh.finalize()
+    assert load_mesh(tmp_path / "a.msh").node_numbers[""][0].min() == 1
