@@ -290,16 +290,16 @@ def _real_or_paired(v: np.ndarray) -> np.ndarray:
     −iλ of a gyroscopic group has this symmetry, but the cubic between two of its matrices does not keep it exactly.
     Those above the real axis and those below it are paired so that they are nearest to the conjugates of one another:
     each of two copies of a pair may be nearest to the other one's. They are a pair if this distance is smaller than
-    their distances from the real axis.
+    their distances from the real axis; others do not compete, or real ones that are far apart could part a good pair.
     """
     paired = v.real.astype(complex)
     for old, new in zip(v, paired, strict=True):
         upper, lower = np.flatnonzero(old.imag > 0), np.flatnonzero(old.imag < 0)
         distance = np.abs(old[upper][:, None] - old[lower].conj()[None, :])
-        rows, columns = linear_sum_assignment(distance)
-        i, j = upper[rows], lower[columns]
-        near = distance[rows, columns] < np.minimum(old[i].imag, -old[j].imag)
-        i, j = i[near], j[near]
+        near = distance < np.minimum(old[upper].imag[:, None], -old[lower].imag[None, :])
+        rows, columns = linear_sum_assignment(np.where(near, distance, 2 * np.abs(old).max()))
+        kept = near[rows, columns]
+        i, j = upper[rows[kept]], lower[columns[kept]]
         new[i] = (old[i] + old[j].conj()) / 2
         new[j] = new[i].conj()
     return paired
