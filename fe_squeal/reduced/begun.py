@@ -23,7 +23,7 @@ from ..problem.parameters import Place, values_at
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
-from .estimate import swinging_sizes
+from .estimate import is_short, swinging_sizes
 from .growing import GrowingModel
 from .mode_corrections import ModeCorrections
 from .undamped import factorize_undamped
@@ -41,7 +41,7 @@ class BegunModel(GrowingModel):
     """A reduced model that begins with the modes at one place, enough of them for some other places."""
 
     _least = 0  # modes that are needed at every place
-    _has_all = False  # whether the basis has the modes of any frequency, of which there are no more at the start
+    _number: int | None = None  # of modes of any frequency, where the basis begins with all of them
 
     def _widen(self, problem: Problem, places: Iterable[Place]) -> None:
         """Begin anew with so many modes that at other places, too, the number asked for is below the highest one.
@@ -55,7 +55,7 @@ class BegunModel(GrowingModel):
         """
         places = tuple(places)
         while (short := next((p for p in places if self._is_short(self._every(p))), None)) is not None:
-            if self._has_all:
+            if self._number is not None:
                 self.highest = max(float(sizes(self.basis.modes(p, np.inf).lam).max()) for p in places)
                 self._know_nothing(problem, isinstance(self.parameter, str))
                 return
@@ -65,13 +65,7 @@ class BegunModel(GrowingModel):
             self._begin(problem, self.parameter, self._start, self.request, self.linear_solver, reach)
 
     def _is_short(self, modes: Modes) -> bool:
-        """Return whether modes at a place are fewer than are needed, and than there are.
-
-        Those above the highest frequency do not count: there others may be missing, which nothing looks for.
-        """
-        if self._has_all:
-            return bool(len(swinging_sizes(modes)) < self._least and len(modes) < len(self.basis))
-        return bool(np.count_nonzero(swinging_sizes(modes) <= self.highest) < self._least)
+        return is_short(modes, self._least, self.highest, self._number)
 
     def _reach(self, modes: Modes) -> float:
         """Return the frequency, rad/s, up to which modes at the start have to be known, judged by those at a place."""
@@ -129,7 +123,8 @@ class BegunModel(GrowingModel):
         if unheld.shape[1]:
             self.basis.append(unheld)  # first, so that the basis has them exactly
         self.basis.append(vectors)
-        self._has_all = count == n or vectors.shape[1] < count  # where the rank of M is smaller
+        is_whole = count == n or vectors.shape[1] < count  # where the rank of M is smaller
+        self._number = len(self.basis) if is_whole else None
         del vectors
         if (self.basis.undamped_values(self._sigma) < -_SLOW * self._sigma).any():
             self.basis.expect_slow_motions()

@@ -161,11 +161,11 @@ class BoxModel(ReducedModel):
             return None
         both = self.certified()
         small = None if both.condensed is None else both.condensed.without_vectors()
-        return OnlineModel(both.whole.without_vectors(), small)
+        return OnlineModel(both.whole.without_vectors(), small, self._number)
 
     def certified(self) -> OnlineModel:
         """Return what gives modes and errors, with all vectors."""
-        return OnlineModel(self._whole(self._blocks.first(_TRIALS)), self.condensed)
+        return OnlineModel(self._whole(self._blocks.first(_TRIALS)), self.condensed, self._number)
 
     def _whole(self, known: KnownModes) -> CertifiedBasis:
         return CertifiedBasis(self.basis, self.request, self.highest, known)

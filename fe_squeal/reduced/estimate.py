@@ -134,6 +134,27 @@ class CertifiedBasis:
         return replace(self, basis=self.basis.without_vectors())
 
 
+def is_short(modes: Modes, least: int, highest: float, number: int | None) -> bool:
+    """Return whether modes at a place are fewer than are needed, and than there are.
+
+    Those above the highest frequency do not count: there others may be missing, which nothing looks for.
+
+    Parameters
+    ----------
+    modes : Modes
+    least : int
+        How many are needed that swing.
+    highest : float, rad/s
+        Frequency up to which the basis holds the modes of the problem without damping and friction.
+    number : int or None
+        How many modes there are of any frequency, two eigenvalues each, if the basis has them all.
+    """
+    known = swinging_sizes(modes)
+    if number is not None:
+        return len(known) < least and modes.eigenvalue_count < 2 * number
+    return bool(np.count_nonzero(known <= highest) < least)
+
+
 @dataclass(frozen=True)
 class OnlineModel:
     """What a reduced model needs to give modes with their errors: nothing in it is as long as the problem's vectors.
@@ -144,10 +165,13 @@ class OnlineModel:
     condensed : CertifiedBasis or None
         A smaller one inside it, for the modes asked for alone. Where its errors meet the tolerance its modes are
         returned, else those of the whole basis.
+    number : int or None
+        How many modes there are of any frequency, if the basis has them all.
     """
 
     whole: CertifiedBasis
     condensed: CertifiedBasis | None = None
+    number: int | None = None
 
     def modes(self, place: Place) -> Estimate:
         """Return the modes at a place with their errors, see `estimated`; vectors are in coordinates of a basis."""
@@ -158,5 +182,5 @@ class OnlineModel:
         return self.whole.modes(place)
 
     def is_short(self, modes: Modes) -> bool:
-        """Return whether modes at a place are fewer than were asked for up to where the basis holds all of them."""
-        return bool(np.count_nonzero(swinging_sizes(modes) <= self.whole.highest) < (self.whole.request.count or 0))
+        """Return whether modes at a place are fewer than were asked for, see `is_short`."""
+        return is_short(modes, self.whole.request.count or 0, self.whole.highest, self.number)
