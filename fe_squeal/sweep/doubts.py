@@ -129,19 +129,20 @@ def split_doubtful(step: Step, onsets: Sequence[Onset], halved: bool, starts: bo
 
 
 def without_narrow_windows(
-    onsets: Sequence[Onset], finest: float, length: float
+    onsets: Sequence[Onset], finest: float, length: float, decided: int = 0
 ) -> tuple[list[Onset], list[Doubt]]:  # fmt: skip
     """Return the onsets without those of windows of instability that are narrower than the uncertainty of their ends.
 
     There is a doubt in place of each such window, unless it is narrower than `finest`, in the unit of the parameter:
-    steps are not searched for narrower ones. `length` is that of the step that was searched, in the same unit.
+    steps are not searched for narrower ones. `length` is that of the step that was searched, in the same unit. The
+    first `decided` onsets are those of steps before: two of them were judged by the lengths of their own steps.
     """
     taken: set[int] = set()  # positions of ends of such windows
     doubts = []
     order = sorted(range(len(onsets)), key=lambda k: onsets[k].value)
     for i, j in itertools.combinations(order, 2):
         into, out = onsets[i], onsets[j]
-        if out.value - into.value > into.uncertainty + out.uncertainty or {i, j} & taken:
+        if out.value - into.value > into.uncertainty + out.uncertainty or {i, j} & taken or max(i, j) < decided:
             continue
         pair = {into.branch_a, into.branch_b} & {out.branch_a, out.branch_b} - {None}
         if pair and into.direction != out.direction and _is_one_mode(into, out, length):

@@ -280,7 +280,7 @@ class RunningSweep:
                 self.told.of_onsets(*found.warnings)
                 # A window of instability may reach from step to step.
                 self.onsets, narrow = without_narrow_windows(
-                    self.onsets + found.onsets, 0.0, value - self._value
+                    self.onsets + found.onsets, 0.0, value - self._value, len(self.onsets)
                 )  # fmt: skip
                 self.told.doubts(found.doubts + narrow)
                 self.onsets = self.told.absorbed(self.onsets, self._start, value)

@@ -84,6 +84,15 @@ def test_windows_narrower_than_their_ends_are_doubts():
     assert without_narrow_windows(other, 1e-6, 1.0) == (list(other), [])
 
 
+def test_onsets_of_steps_before_are_not_judged_by_the_length_of_this_one():
+    """Frequencies 3e-3 apart are of one mode in a step of 500 times the uncertainty, and not in a longer one."""
+    old = _onset(0.3, 1e-3), _onset(0.3015, 1e-3, "out of", 1.003 * _HZ)
+    assert without_narrow_windows(old, 0.0, 10.0) == (list(old), [])
+    new = _onset(0.5, 1e-9)
+    assert without_narrow_windows([*old, new], 0.0, 0.5, 2) == ([*old, new], [])
+    assert without_narrow_windows([*old, new], 0.0, 0.5, 1) == ([new], [Doubt(0.3, 0.3015, _HZ)])
+
+
 def test_onsets_that_a_doubt_covers():
     doubt = Doubt(0.3, 0.4, _HZ)
     assert doubt.covers(_onset(0.35, 0.02)) and doubt.covers(_onset(0.41, 0.02))
