@@ -89,8 +89,11 @@ def band_modes(
     if end < limit <= _WIDE * end:
         end = limit
     known.add_rest(end)
-    if end < limit < np.inf and not known.add_beside(limit):  # no mode is there, unless it grows too fast for the discs
-        known.add_aslant(limit)
+    if end < limit < np.inf:  # no mode is there, unless it grows or decays too fast for the discs
+        if known.add_beside(limit):
+            known.add_end(limit)
+        else:
+            known.add_aslant(limit)
     modes = known.modes()
     wanted = select_wanted(modes, request, reach)
     if wanted is None:

@@ -21,9 +21,9 @@ from .growth import may_grow, whirls
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes
-from .shift import BEHIND, LIGHT, light_tilt
+from .shift import BEHIND, LIGHT, light_tilt, on_slant
 from .shift_invert import ShiftInverted
-from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, TILTED, Unsearched
+from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, Unsearched
 
 _FULL = 40  # eigenvalues expected in a disc; a band with more of them is covered by several discs
 _MOST = 2.5  # times the eigenvalues expected: as many are looked for in a disc, in addition to _FULL
@@ -44,9 +44,11 @@ _ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
 _FAR = 8.0  # of a rate: growth up to here is looked for around one shift
 _FARTHER = 5  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
-# Of a frequency: where the ray of damping ratio `LIGHT` leaves the circle around `BEHIND`, or around a shift a little
+# Of a frequency: where the ray of `LIGHT` leaves the circle around `BEHIND`, or around a shift a little
 # larger, through i; and the shift and the radius of a disc with all that lies between this ray, the circle and i.
 _LEAVES, _END, _END_RADIUS = 0.86, -0.1 + 0.95j, 0.12
+# Of the shift of a disc below those on the imaginary axis: the radius, so that the ray of `LIGHT` leaves it in these.
+_SLOW_RADIUS = 1.57
 _NEAR = 0.01  # of a multiple eigenvalue: how far from it the shift lies that shows further copies
 
 
@@ -126,11 +128,7 @@ class KnownBand:
         sigma, known = self._disc(1j * omega, radius, expected)
         self._lit.append(_on_ray(abs(sigma), known, LIGHT))
         near = self.found.lam[np.abs(self.found.lam - sigma) <= known]
-        whole = _on_ray(abs(sigma), known, light_tilt(near))
-        if whole[0] < whole[1]:
-            return whole
-        self._leave_out(TILTED)  # only what lies near the axis is known here
-        return _on_ray(abs(sigma), known, 0.0)
+        return _on_ray(abs(sigma), known, light_tilt(near))
 
     def add_rest(self, top: float) -> None:
         """Add what else is near: all eigenvalues around zero, and those that grow, up to a frequency, rad/s.
@@ -150,25 +148,46 @@ class KnownBand:
             self.add_far(_FAR * top, searched=True)
 
     def add_end(self, top: float) -> None:
-        """Add modes of damping ratios up to `LIGHT` just below a frequency, rad/s, where `add_beside` does not reach.
+        """Add modes up to `LIGHT` just below a frequency, rad/s, where `add_beside` does not reach.
 
         Discs that cover many modes are narrow, and reach as far from the axis as the modes found there do.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of them; `partial` has the modes found.
         """
-        if any(low <= _LEAVES * top and top <= high for low, high in self._lit):
+        if self._is_lit(_LEAVES * top, top):
             return
-        _, known = self._disc(_END * top, _END_RADIUS * top, None)
-        if known < _END_RADIUS * top * (1 - _CLEAR):
-            self._leave_out(TILTED)
+        sigma, known = self._emptied(_END * top, _END_RADIUS * top)
+        corners = top * np.array([1j, 1j - LIGHT, _LEAVES * (1j - LIGHT)])  # of a triangle with all that is looked for
+        if known < np.abs(corners - sigma).max():
+            self.unsearched = self.unsearched.joined(Unsearched(damped=True))
+
+    def _is_lit(self, low: float, high: float) -> bool:
+        """Return whether all modes up to `LIGHT` are known between two frequencies, rad/s."""
+        for begin, end in sorted(self._lit):
+            if begin <= low:
+                low = max(low, end)
+        return low >= high
 
     def add_aslant(self, top: float) -> None:
         """Add flutter that grows too fast for the discs on the imaginary axis.
 
         The crowd of overdamped modes lies on the other side of that axis, so that discs in the right half plane leave
         it out. They go down as far as those on the axis do; what grows faster than it swings is left to `add_growing`.
+        Where one disc on the axis ends and the next begins they are narrow, and damped modes there are left out.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of it; `partial` has the modes found.
         """
+        if self._lit and not self._is_lit(self.low, top):
+            self.unsearched = self.unsearched.joined(Unsearched(damped=True))
         high = top
         while high > max(self.near, _SLIVER * top):
-            _, known = self._disc(_ASLANT * high * (1 + 1j), _ASLANT_RADIUS * high, None)
+            _, known = self._emptied(_ASLANT * high * (1 + 1j), _ASLANT_RADIUS * high)
             if known < _ASLANT_RADIUS * high * (1 - _CLEAR):
                 self._leave_out(FAST_FLUTTER)
                 return
@@ -213,14 +232,15 @@ class KnownBand:
         """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there."""
         while self.near > _SLIVER * top:
             reach = _OVERLAP * self.near
-            sigma, known = self._disc(reach, float(np.hypot(1, _OVERLAP)) * reach, 0)
+            sigma, known = self._disc(reach, _SLOW_RADIUS * reach, 0)
             if known >= np.hypot(abs(sigma), reach):
+                self._lit.append((0.0, on_slant(abs(sigma), known, LIGHT)))
                 return
             low, high = self._around(0.0, reach, 0)
             if not low < min(high, self.near / 2):
                 break
             self.near = low
-        self.low = self.near
+        self.low = _OVERLAP * self.near  # the ray of `LIGHT` enters the lowest disc a little above
 
     def add_copies(self, top: float) -> None:
         """Add further copies of those multiple eigenvalues up to a frequency, rad/s, that fill a block of vectors.
@@ -250,9 +270,25 @@ class KnownBand:
     def add_beside(self, top: float) -> bool:
         """Add what is beside the known modes in a disc that reaches up to i·top, and return whether that is all.
 
+        What it cannot part is a crowd of overdamped modes.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of them; `partial` has the modes found.
+        """
+        sigma, known = self._emptied(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top)
+        if known < (1 - _CLEAR) * np.hypot(abs(sigma), top):
+            return False
+        self._lit.append((0.0, on_slant(abs(sigma), known, LIGHT)))
+        return True
+
+    def _emptied(self, sigma: complex, radius: float) -> tuple[complex, float]:
+        """Add what is beside the known modes in a disc; return its centre, and the radius inside which all are known.
+
         A Krylov space of blocks holds as many copies of a multiple eigenvalue as a block has vectors, and does not show
-        that there are more. With those found taken out it shows the next ones. So the search goes on until it finds no
-        mode that has to be found, and only what it cannot part then is a crowd of overdamped modes.
+        that there are more; nor does it look for more than `_FEW`. With those found taken out it shows the next ones.
+        So the search goes on until it finds no mode that has to be found.
 
         Raises
         ------
@@ -261,9 +297,9 @@ class KnownBand:
         """
         for _ in range(_DISCS):
             before = len(self.found)
-            sigma, known = self._disc(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top, None)
+            centre, known = self._disc(sigma, radius, None)
             if not is_light(self.found.lam[before:]).any():
-                return bool(known >= (1 - _CLEAR) * np.hypot(abs(sigma), top))
+                return centre, known
         raise NotConvergedError(f"{len(self.found)} modes found, and there are still others beside them", self.modes())
 
     def _disc(

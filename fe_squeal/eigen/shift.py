@@ -19,7 +19,8 @@ _ROUNDINGS = 16  # times the rounding of one sum: that of a factorisation
 _PENALTY = 1e6  # a ratio so many times the median is that of a penalty, which stands for an infinite stiffness
 # Damping ratio up to which every mode below the wanted frequency is found. Of more heavily damped modes those alone are
 # found that happen to lie near the shift: to reach for all of them would take many more modes than are asked for.
-LIGHT = 0.2
+LIGHT_RATIO = 0.2
+LIGHT = 0.2042  # −Re λ / Im λ of that ratio −Re λ / |λ|, which is 0.2 / √(1 − 0.2²), rounded up
 # Of the highest frequency of a band: a real shift. A circle around it through the band's end, i, has inside what grows
 # in the band at most as fast as `growth.may_grow` allows: a² − 0.1a < b² + ¼ of λ = a + ib, a = 1.17 at the end.
 BEHIND = 0.59
@@ -75,10 +76,17 @@ def known_radius(pencil: Pencil, modes: Modes, sigma: float, reach: float) -> fl
     swinging = modes.lam[~is_beside(modes)]
     tilt = loss_tilt(pencil, swinging) if pencil.is_complex else light_tilt(modes.lam) if pencil.C is not None else 0.0
     if pencil.C is not None:
-        # On the ray |λ − σ|² = (1 + tilt²) (Im λ)² + 2 tilt σ Im λ + σ², which is the radius squared of the circle.
-        a, b, c = 1 + tilt**2, tilt * sigma, reach**2 - sigma**2
-        return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
+        return on_slant(sigma, reach, tilt)
     return float(np.sqrt(max(reach - abs(sigma), 0.0) / (1 + tilt**2)))
+
+
+def on_slant(sigma: float, radius: float, tilt: float) -> float:
+    """Return the Im λ, rad/s, at which the ray Re λ = −tilt · Im λ leaves a circle around a real shift.
+
+    On the ray |λ − σ|² = (1 + tilt²) (Im λ)² + 2 tilt σ Im λ + σ². Zero where the circle does not hold λ = 0.
+    """
+    a, b, c = 1 + tilt**2, tilt * sigma, radius**2 - sigma**2
+    return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
 
 
 def loss_tilt(pencil: Pencil, lam: np.ndarray) -> float:

@@ -22,7 +22,7 @@ from ..assembly.forces import force_balance
 from ..assembly.swept import keeps_shapes, swept
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import peak_memory_mib, refuse_shortage, release_freed
-from ..eigen.shift import LIGHT
+from ..eigen.shift import LIGHT_RATIO
 from ..errors import INTERRUPTED, InputError, NotConvergedError
 from ..problem.problem import Problem
 from ..process.signals import signals_deferred
@@ -341,7 +341,7 @@ def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: 
         counted = "not proven; searched for again around another shift"
     proof = f"proven: {how}" if c.proven else counted if c.expected is not None else "not proven"
     if is_quadratic:
-        proof += f"; of damping ratios above {LIGHT:g} only those near others"
+        proof += f"; of damping ratios above {LIGHT_RATIO:g} only those near others"
     console.print(
         f"{c.found} of {c.expected if c.expected is not None else '?'} modes found at {result.parameter} = "
         f"{result.points[0].value:g} ({proof})",

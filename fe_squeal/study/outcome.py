@@ -27,7 +27,7 @@ class Outcome:
         (1/s), frequency (Hz), damping ratio and uncertainty of the growth rate (1/s) of the mode that grows most (of
         several with equal growth the most uncertain one); the largest estimated |Δλ/λ| of a mode; 1 if the place was
         solved directly, else 0; up to which frequency (Hz) all modes are known, infinite where they are all there are;
-        1 if the solve has not looked for some modes, see `Modes.unsearched`, else 0.
+        1 if the solve has not looked for some modes that may grow, see `Modes.unsearched`, else 0.
     modes : (k, 4) float
         The columns `MODE_COLUMNS` of the k unstable modes.
     """
@@ -62,7 +62,7 @@ def outcome_of(modes: Modes, request: Request, error: float, direct: bool) -> Ou
     known = request.max_frequency_hz or np.inf
     if request.count is not None and request.count <= len(lam) and modes.eigenvalue_count < 2 * len(modes.right):
         known = float(modes.frequency_hz.max())
-    left_out = bool(modes.unsearched)
+    left_out = modes.unsearched.may_grow
     if not len(lam):
         return Outcome(np.array([0.0, np.nan, np.nan, np.nan, np.nan, error, direct, known, left_out], float), kept)
     worst = max(range(len(lam)), key=lambda i: (lam.real[i], u[i]))

@@ -103,7 +103,7 @@ class RunningSweep:
 
     def advance(self, value: float, keep_all: bool) -> None:
         """Solve at the next value and follow the modes to it; `keep_all` keeps the shapes of all its modes."""
-        modes, before = self._solve(value), set(self.told.unsettled)
+        modes, before = self._solve(value), self.told.of_steps()
         if self._previous is None:
             self._begin(value, modes)
             branches = self._branches
@@ -118,12 +118,10 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._solver.point(value, modes, branches, keep_all))
-        if before.issuperset(self.told.unsettled):  # else an onset of this step that was not refined may be its own
+        if before >= self.told.of_steps():  # else an onset of this step that was not refined may be its own
             self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
         if rate := self._solver.growth_beyond(value, modes):
             self.told.beyond_losses(value, rate)
-        if modes.unsearched:
-            self.told.not_searched(value, modes.unsearched)
 
     def _window(self, middle: float, pair: tuple[Onset, Onset]) -> SweepPoint:
         """Return the point in the middle of a window of instability between two values of the sweep."""
@@ -158,7 +156,10 @@ class RunningSweep:
         return named
 
     def _solve(self, value: float) -> Modes:
-        return self._solver.modes(value, self._previous)
+        """Return the modes at a value, of the sweep or between two, and tell what was not looked for there."""
+        modes = self._solver.modes(value, self._previous)
+        self.told.not_searched(value, modes.unsearched)
+        return modes
 
     def _begin(self, value: float, modes: Modes) -> None:
         clock = self._clock.now()

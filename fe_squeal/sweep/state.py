@@ -17,6 +17,7 @@ from .doubts import Doubt
 from .onset import Onset
 from .point import LiftedShapes, SweepPoint
 from .result import Sweep
+from .told import Left
 
 _VECTORS = ("right", "left")
 _NUMBERS = ("lam", "backward_error", "re_uncertainty", "condition")
@@ -87,7 +88,7 @@ class SweepState:
     unsettled: tuple[str, ...]
     doubt: Doubt | None = None
     beyond: tuple[float, float, float] | None = None
-    unsearched: tuple[float, float, Unsearched] | None = None
+    unsearched: tuple[Left, ...] = ()
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
@@ -164,7 +165,7 @@ def record_of_state(state: SweepState) -> Record:
         "start": state.start, "value": state.value, "reduced": state.reduced,
         "window": state.window, "unsettled": list(state.unsettled),
         "doubt": None if state.doubt is None else asdict(state.doubt), "beyond": state.beyond,
-        "told_unsearched": None if state.unsearched is None else [*state.unsearched[:2], asdict(state.unsearched[2])],
+        "told_unsearched": [[first, last, asdict(left)] for first, last, left in state.unsearched],
     }  # fmt: skip
     branches = {"branches": state.branches, "first_branches": state.first_branches}
     return Record(modes.arrays | branches, modes.data | data)
@@ -179,12 +180,12 @@ def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]
         a["branches"], data["next_branch"], data["start"], data["value"], data["reduced"], data["window"],
         tuple(data["unsettled"]), None if data["doubt"] is None else Doubt(**data["doubt"]),
         None if data["beyond"] is None else tuple(data["beyond"]),
-        None if (told := data["told_unsearched"]) is None else (told[0], told[1], _unsearched(told[2])),
+        tuple((first, last, _unsearched(left)) for first, last, left in data["told_unsearched"]),
     )  # fmt: skip
 
 
 def _unsearched(data: Mapping[str, Any]) -> Unsearched:
-    return Unsearched(tuple(data["kinds"]), data["low"], data["rate"])
+    return Unsearched(tuple(data["kinds"]), data["low"], data["rate"], data["damped"])
 
 
 def lifted(point: SweepPoint, V: Columns) -> SweepPoint:

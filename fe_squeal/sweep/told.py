@@ -13,6 +13,9 @@ from .onset import Onset
 _NEAR = 0.01  # of a frequency: those that differ by less are told as one
 
 
+Left = tuple[float, float, Unsearched]  # first and last value of a sweep at which a solve has left something out
+
+
 class Told:
     """The warnings of a sweep over a parameter so far.
 
@@ -25,13 +28,14 @@ class Told:
         The last one that there is a warning about; what comes may widen it.
     beyond : tuple of float, or None
         First and last value, and the rate, that `beyond_losses` has told.
-    unsearched : tuple, or None
-        First and last value, and what was not looked for, that `not_searched` has told.
+    unsearched : tuple of tuple
+        First and last value, and what was not looked for, of the sentences that `not_searched` has told: at most one of
+        what may grow, and one of what decays.
     """
 
     def __init__(
         self, parameter: str, warnings: Iterable[str] = (), unsettled: Iterable[str] = (), doubt: Doubt | None = None,
-        beyond: tuple[float, float, float] | None = None, unsearched: tuple[float, float, Unsearched] | None = None,
+        beyond: tuple[float, float, float] | None = None, unsearched: tuple[Left, ...] = (),
     ) -> None:  # fmt: skip
         self._parameter = parameter
         self.warnings, self.unsettled = list(warnings), list(unsettled)
@@ -90,24 +94,32 @@ class Told:
         )
 
     def not_searched(self, value: float, unsearched: Unsearched) -> None:
-        """Add a warning of what a solve at a value has not looked for; of several values one."""
-        if self.unsearched is not None:
-            self._withdraw(self._unsearched_text())
-        first, _, before = self.unsearched or (value, value, unsearched)
-        self.unsearched = first, value, before.joined(unsearched)
-        self.of_onsets(self._unsearched_text())
+        """Add a warning of what a solve at a value has not looked for; of several values one.
 
-    def _unsearched_text(self) -> str:
-        assert self.unsearched is not None
-        first, last, unsearched = self.unsearched
-        return (
-            f"at {self._parameter} = {_span(first, last)} {unsearched} were not looked for everywhere, and an unstable"
-            " one may be missing"
-        )
+        What decays has one of its own, which is not about onsets.
+        """
+        for part in unsearched.parts():
+            old = next((left for left in self.unsearched if left[2].may_grow == part.may_grow), None)
+            if old is not None:
+                self._withdraw(self._unsearched_text(old))
+            first, last, before = old or (value, value, part)
+            new = min(first, value), max(last, value), before.joined(part)
+            self.unsearched = (*(left for left in self.unsearched if left is not old), new)
+            (self.of_onsets if part.may_grow else self.add)(self._unsearched_text(new))
+
+    def of_steps(self) -> set[str]:
+        """Return the warnings that are about onsets, but for what solves have not looked for at single values."""
+        return set(self.unsettled).difference(map(self._unsearched_text, self.unsearched))
+
+    def _unsearched_text(self, left: Left) -> str:
+        first, last, unsearched = left
+        lost = ", and an unstable one may be missing" if unsearched.may_grow else ": some that decay may be missing"
+        return f"at {self._parameter} = {_span(first, last)} {unsearched} were not looked for everywhere{lost}"
 
     def _withdraw(self, sentence: str) -> None:
         for told in (self.warnings, self.unsettled):
-            told.remove(sentence)
+            if sentence in told:
+                told.remove(sentence)
 
     def doubts(self, doubts: list[Doubt]) -> None:
         """Add a warning for each interval in which rounding hides onsets.

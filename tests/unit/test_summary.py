@@ -140,7 +140,7 @@ def test_what_was_not_looked_for_is_told_with_its_values_and_the_range_begins_ab
 
     def incomplete(*given):
         calls.append(given)
-        left_out = Unsearched(("modes",), low=2 * np.pi * len(calls), rate=900.0 / len(calls))
+        left_out = Unsearched(("modes",), low=2 * np.pi * len(calls), rate=900.0 / len(calls), damped=len(calls) > 2)
         return replace(solve_modes(*given), unsearched=left_out if len(calls) > 1 else Unsearched())
 
     class Kept:
@@ -164,6 +164,10 @@ def test_what_was_not_looked_for_is_told_with_its_values_and_the_range_begins_ab
     assert result.unsettled == (
         f"at mu = 0.01 to 0.03 {left_out} were not looked for everywhere, and an unstable one may be missing",
     )
+    damped = "modes with light damping were not looked for everywhere: some that decay may be missing"
+    assert [w for w in result.warnings if "looked for" in w and w not in result.unsettled] == [
+        f"at mu = 0.02 to 0.03 {damped}"
+    ]
     assert result.warnings.count(result.unsettled[0]) == 1 and not result.onsets_complete["sure"]
     assert frequency_range(scene, result)[0] == pytest.approx(4.0)
     assert len(calls) == 4
