@@ -167,6 +167,46 @@ def test_a_program_that_all_processes_run_is_refused_on_each():
     assert said == [2, 2, 2], out
 
 
+# Factors on disk whose files are removed, then others.
+GONE = """
+import sys
+from pathlib import Path
+import numpy as np
+import scipy.sparse as sp
+from fe_squeal.eigen.linear.mumps import MumpsFactor, MumpsOptions
+from fe_squeal.eigen.linear.processes import dismiss, help_out
+from fe_squeal.errors import TooLargeError
+from fe_squeal.process.ranks import is_helper
+if is_helper():
+    sys.exit(help_out())
+n = 3000
+A, b = sp.csr_array(sp.diags_array([-1.0, 4.0, -1.0], offsets=[-40, 0, 1], shape=(n, n))), np.ones(n)
+factor, other = (MumpsFactor(A, False, options=o) for o in (MumpsOptions(True, sys.argv[1]), MumpsOptions()))
+print("before", abs(A @ factor.solve(b) - b).max() < 1e-12)
+for path in Path(sys.argv[1]).rglob("*"):
+    if path.is_file():
+        path.unlink()
+try:
+    factor.solve(b)
+except TooLargeError as error:
+    print(error)
+del factor
+print("after", abs(A @ other.solve(b) - b).max() < 1e-12)
+dismiss(0)
+"""
+
+
+def test_files_that_are_gone_end_in_one_sentence(tmp_path):
+    """All processes end the step, and solve with other factors afterwards.
+
+    Where one process alone has lost its files, MUMPS 5.5 itself waits for that one without an end.
+    """
+    code, out, err = ended(started(2, str(tmp_path), program=("-c", GONE)), 60)
+    assert code == 0 and not err, err
+    assert "before True" in out and "after True" in out
+    assert "solve.mumps.folder: MUMPS could not read the factors of 3000 unknowns in" in out
+
+
 def helpers_of(process):
     """The processes of the command, by rank, once all run."""
     for _ in range(200):

@@ -100,6 +100,24 @@ def test_another_error_of_petsc_is_raised(matrix: Callable[[int, bool], petsc.Pe
     assert told == 0 and all(dense.destroyed for dense in Dense.made[-2:])
 
 
+def test_what_cannot_be_destroyed_is_kept(
+    matrix: Callable[[int, bool], petsc.PetscMatrix], monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    """MUMPS fails again where files of factors are gone that it would remove; other matrices are not concerned."""
+    destroyed, kept = [], []
+
+    def fail() -> None:
+        raise PetscError(76)
+
+    monkeypatch.setattr(petsc, "_kept", kept)
+    failing = matrix(-90, True)
+    failing._factor = SimpleNamespace(destroy=lambda: destroyed.append("factor"))
+    failing._matrix = SimpleNamespace(destroy=lambda: destroyed.append("matrix"))
+    failing._solver = SimpleNamespace(destroy=fail)
+    failing.destroy()
+    assert destroyed == ["factor", "matrix"] and kept == [failing._solver]
+
+
 def test_no_process_raises_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Behind an error all meet to gather rows, and the step ends."""
     met: list[np.ndarray] = []

@@ -126,6 +126,21 @@ def test_a_disk_that_is_too_small_is_refused_beforehand(tmp_path, monkeypatch):
     assert not files_in(tmp_path)
 
 
+@needs_mumps
+@alone
+def test_files_that_are_gone_end_in_one_sentence(tmp_path):
+    """As where somebody clears the folder; solves with other factors go on, also when these are given up."""
+    A, b = cube(12), np.ones(12**3)
+    factor, other = (MumpsFactor(A, True, options=o) for o in (MumpsOptions(True, str(tmp_path)), MumpsOptions()))
+    assert worst(A, factor.solve(b), b) < 1e-11
+    for path in files_in(tmp_path):
+        path.unlink()
+    with pytest.raises(TooLargeError, match=r"solve\.mumps\.folder: MUMPS could not read the factors of 1728 unknowns"):
+        factor.solve(b)
+    del factor
+    assert worst(A, other.solve(b), b) < 1e-11
+
+
 def test_folders_of_runs_that_are_no_more_are_removed(tmp_path):
     """Of this machine, and of processes that do not live; another one's stay."""
     import socket

@@ -24,6 +24,7 @@ _OPERATIONS = 1  # of RINFOG
 _IN_CORE, _ON_DISK = {False: (16, 17), True: (36, 37)}, {False: (26, 27), True: (38, 39)}
 _LEAST = 1  # MB: with so little the factorisation stops behind the analysis, which is all that a forecast needs
 _FOLDER = "MUMPS_OOC_TMPDIR"  # where MUMPS looks for the folder of its files
+_kept: list[Any] = []  # what PETSc could not destroy: it would try again at the end, and fail with many lines
 
 
 @functools.cache
@@ -198,5 +199,8 @@ class PetscMatrix:
         """Give the memory back, on all processes together."""
         if self._factor is not None:
             self._factor.destroy()  # a reference of its own: petsc4py frees what several processes share only when told
-            self._solver.destroy()
+            try:
+                self._solver.destroy()
+            except petsc().Error:  # its files of factors, which MUMPS would remove, are gone
+                _kept.append(self._solver)
         self._matrix.destroy()
