@@ -132,10 +132,12 @@ class MatrixScene(BaseScene):
             self._check_powers({self.sweep.parameter: (self.sweep.grid.min(), self.sweep.grid.max())})
         if self.study is not None:
             self._check_study(self.study)
-            self._check_powers(dict(zip(self.study.names, self.study.ends, strict=True)))
+            ends = zip(self.study.names, self.study.ends, strict=True)
+            above_0 = self.study.positive  # none of these is 0, whatever end is given
+            self._check_powers({n: tuple(None if n in above_0 and not x else x for x in both) for n, both in ends})
         return self
 
-    def _check_powers(self, ends: Mapping[str, tuple[float | None, float | None]]) -> None:
+    def _check_powers(self, ends: Mapping[str, tuple[float | None, ...]]) -> None:
         """Raise ValueError where what a term is multiplied by overflows at the ends of what parameters are moved over.
 
         Parameters

@@ -87,7 +87,7 @@ def test_units(tmp_path, name, length, mass, time):
 *Solid Section, elset=disc, material=STEEL
 *Solid Section, elset=pad, material=STEEL
 *Element, type=SPRINGA, elset=S
-1, 10001, 1
+90001, 10001, 1
 *Spring, elset=S
 
 {4e6 / (mass / time**2)!r}
