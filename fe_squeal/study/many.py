@@ -55,8 +55,6 @@ def run_many(
     SceneWarning
         For each sentence of `Problem.warnings` and `Sweep.warnings`, behind the name of the scene.
     """
-    import pandas as pd
-
     if not isinstance(scenes, Mapping):
         scenes = _named(scenes)
     if not scenes:
@@ -68,8 +66,15 @@ def run_many(
     for i, name in enumerate(loaded):  # not where they arise, since nobody sees those of other processes
         for sentence in found[i][2]:
             warnings.warn(f"{name}: {sentence}", SceneWarning, stacklevel=2)
-    modes, onsets = (pd.concat([found[i][k] for i in range(len(loaded))], ignore_index=True) for k in (0, 1))
+    modes, onsets = (_joined([found[i][k] for i in range(len(loaded))]) for k in (0, 1))
     return modes, onsets
+
+
+def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """Return the rows of all tables; empty ones have no types of columns, which pandas would take for others."""
+    import pandas as pd
+
+    return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)
 
 
 def _named(scenes: Sequence[Variant]) -> dict[str, Variant]:

@@ -187,7 +187,8 @@ def test_envelopes_are_counted() -> None:
     """Of a chain 2n − 1 entries in a triangle; of unknowns alone n; of a full matrix n(n + 1)/2; also with one side."""
     n = 50
     upper = sp.diags_array([np.ones(n - 1)], offsets=[1], shape=(n, n))
-    for A, count in ((upper, 2 * n - 1), (upper * 0, n), (sp.eye_array(n), n), (np.ones((n, n)), n * (n + 1) // 2)):
+    none, full = sp.csr_array((n, n)), np.ones((n, n))
+    for A, count in ((upper, 2 * n - 1), (none, n), (sp.eye_array(n), n), (full, n * (n + 1) // 2)):
         assert superlu._envelope(sp.csr_array(A)) == count
     # A million unknowns in a chain: 2n - 1 entries of eight bytes and an index in L and in U, and their copies.
     assert superlu.superlu_memory(sp.csr_array(line(10**6)), True) == 2 * 2 * (2 * 10**6 - 1) * 12
