@@ -107,8 +107,9 @@ def end_of_range(modes: Modes, request: Request, highest: float) -> float:
 def clear_places(values: np.ndarray, low: float, high: float) -> tuple[float, float]:
     """Return the middles of the first clear gap between two numbers, low ≤ high, and of the widest one.
 
-    In a gap none of some values (k,) lies. Below the first one are all modes of a range that ends at `low`, but none of
-    which the basis has but a rough image just beyond. Below the widest one are those whose extended image lies there.
+    In a gap none of some values (k,) lies. Counts below the first one are those of a range that ends at `low`: a mode
+    that the basis has only roughly, and so just beyond the range, is not among its own. Counts below the widest one
+    hold also a mode that even the extended basis has just beyond.
 
     Examples
     --------
@@ -116,10 +117,9 @@ def clear_places(values: np.ndarray, low: float, high: float) -> tuple[float, fl
     [1.01, 1.06]
     """
     edges = np.sort(np.append(values[(values > low) & (values < high)], [low, high]))
-    gaps = np.diff(edges)
-    middles = (edges[:-1] + edges[1:]) / 2
-    clear = gaps > min(_CLEAR * low, 0.999 * gaps.max())
-    return float(middles[clear.argmax()]), float(middles[gaps.argmax()])
+    gaps, middles = np.diff(edges), (edges[:-1] + edges[1:]) / 2
+    widest, clear = int(gaps.argmax()), np.flatnonzero(gaps > _CLEAR * low)
+    return float(middles[clear[0] if len(clear) else widest]), float(middles[widest])
 
 
 def holds_all(
