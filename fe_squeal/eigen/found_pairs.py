@@ -13,6 +13,9 @@ from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
 
 _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 SAME = 1e-7  # of |λ|: eigenvalues of two searches that are closer are one
+# Sine of the angle between the vectors of two equal eigenvalues: where it is smaller, the second direction of the
+# defective pair is rounding, so that it cannot be taken out of a search.
+_COINCIDING = 1e-8
 _BLUR = 4  # times the errors by which rounding parts the two images of a defective eigenvalue: closer ones are one
 
 
@@ -30,11 +33,12 @@ class FoundPairs:
     lam: np.ndarray = field(default_factory=lambda: np.zeros(0, complex))
     right: np.ndarray | None = None
     left: np.ndarray | None = None
+    _left_in: np.ndarray = field(init=False)  # bool: which were not taken out of the last search
     _errors: np.ndarray = field(init=False)  # of lam, rad/s, as far as rounding moves them; 0 of those that were given
 
     def __post_init__(self) -> None:
         """Take those that were given as exact."""
-        self._errors = np.zeros(len(self.lam))
+        self._errors, self._left_in = np.zeros(len(self.lam)), np.zeros(len(self.lam), bool)
 
     def __len__(self) -> int:
         """Return the number of eigenpairs."""
@@ -48,22 +52,26 @@ class FoundPairs:
         lam : (m,) complex, rad/s
         right, left : (n, m) complex
         mixed : bool
-            Whether known ones may be among them. Where these were taken out, an equal eigenvalue is another copy of it.
+            Whether known ones may be among them. Where these were taken out, as far as they could be, an equal
+            eigenvalue is another copy of it.
         """
         lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
         errors = eigenvalue_errors(self.pencil, lam, right, left)
         if self.right is None or self.left is None:
             self.lam, self.right, self.left, self._errors = lam, right, left, errors
+            self._left_in = np.zeros(len(lam), bool)
             return
         new = np.ones(len(lam), bool)
-        if mixed and len(self.lam) and len(lam):
+        old = np.arange(len(self.lam)) if mixed else np.flatnonzero(self._left_in)
+        if len(old) and len(lam):
             # Every known eigenvalue accounts for one of the new ones, so that a multiple one keeps its number.
-            apart = np.abs(self.lam[:, None] - lam[None, :])
-            blurred = _BLUR * np.minimum(self._errors[:, None], errors)  # two images of one are blurred alike
+            apart = np.abs(self.lam[old, None] - lam[None, :])
+            blurred = _BLUR * np.minimum(self._errors[old, None], errors)  # two images of one are blurred alike
             near = apart <= np.maximum(SAME * np.abs(lam), blurred)
             i, j = linear_sum_assignment(np.where(near, apart, 1e3 * np.abs(lam).max()))
             new[j[near[i, j]]] = False
         self.lam = np.concatenate([self.lam, lam[new]])
+        self._left_in = np.append(self._left_in, np.zeros(np.count_nonzero(new), bool))
         self._errors = np.concatenate([self._errors, errors[new]])
         self.right = np.hstack([self.right, right[:, new]])
         self.left = np.hstack([self.left, left[:, new]])
@@ -71,18 +79,23 @@ class FoundPairs:
     def states(self) -> tuple[States, States] | None:
         """Return states that span those of all known modes, of the problem and of the adjoint one.
 
-        Of a real pencil they are real. With a complex K −λ is an eigenvalue, too, if C is zero.
+        Of a real pencil they are real. With a complex K −λ is an eigenvalue, too, if C is zero. Those whose vectors
+        coincide are left out: see `_COINCIDING`.
         """
         if self.right is None or self.left is None:
             return None
+        self._left_in = self._coincide(self.right) | self._coincide(self.left)
+        out = ~self._left_in
         if self.pencil.is_complex:
-            own, other = self.right * self.lam, self.left * self.lam.conj()
             if self.pencil.C is not None and self.pencil.C.count_nonzero():
-                moves = self.lam != 0  # free motions are taken out anyway
-                return (self.right[:, moves], own[:, moves]), (self.left[:, moves], other[:, moves])
-            twice = np.hstack([self.right, self.right]), np.hstack([self.left, self.left])
+                out &= self.lam != 0  # free motions are taken out anyway
+            right, left, lam = self.right[:, out], self.left[:, out], self.lam[out]
+            own, other = right * lam, left * lam.conj()
+            if self.pencil.C is not None and self.pencil.C.count_nonzero():
+                return (right, own), (left, other)
+            twice = np.hstack([right, right]), np.hstack([left, left])
             return (twice[0], np.hstack([own, -own])), (twice[1], np.hstack([other, -other]))
-        upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0))  # those of free motions are taken out anyway
+        upper = np.flatnonzero((self.lam.imag >= 0) & (self.lam != 0) & out)  # free motions are taken out anyway
         real = self.lam[upper].imag == 0
 
         def spanned(u: np.ndarray, lam: np.ndarray) -> States:
@@ -93,6 +106,15 @@ class FoundPairs:
 
         lam = self.lam[upper]
         return spanned(self.right[:, upper], lam), spanned(self.left[:, upper], lam.conj())
+
+    def _coincide(self, u: np.ndarray) -> np.ndarray:
+        """Return (k,) bool, which eigenvalues are equal to another one whose vector in u (n, k) is parallel."""
+        found = np.zeros(len(self.lam), bool)
+        near = np.abs(self.lam[:, None] - self.lam) <= SAME * np.abs(self.lam)[:, None]
+        for i, j in np.argwhere(np.triu(near, 1)):
+            a, b = (x / np.linalg.norm(x) for x in (u[:, i], u[:, j]))
+            found[[i, j]] |= np.linalg.norm(b - a * np.vdot(a, b)) <= _COINCIDING
+        return found
 
     def modes(self, free: FreeModes | None) -> Modes:
         """Return the modes of the upper half plane, with those of free motions among them."""

@@ -5,12 +5,15 @@ A k×k Jordan block has k eigenvalues that rounding ε spreads by about ε^(1/k)
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 from selection import some
 
+from fe_squeal.eigen.band import with_far_growth
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
@@ -38,3 +41,21 @@ def test_a_defective_eigenvalue_counts_once_in_two_discs(size, coupling, omega):
     around = np.abs(modes.lam - (-DAMPING / 2 + 1j * np.sqrt(omega**2 - DAMPING**2 / 4)))
     assert np.count_nonzero(modes.re_uncertainty > 1e-9) == size == np.count_nonzero(around < 1e-3)
     assert not (modes.stability == "unstable").any()
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.01])
+def test_a_defective_pair_whose_vectors_are_equal_is_found_once(alpha):
+    """Rounding usually parts them by 1e-8; where it does not, they cannot be taken out of a search for others, and left
+    ones with ψᴴφ = 1, of which nothing but rounding is left, would spoil it."""
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    block = turn @ [[15.0, 10.0], [0.0, 15.0]] @ turn.T
+    K = sp.csr_array(sp.block_diag([block, sp.diags_array(np.linspace(40, 4e3, 450))]))
+    one, rng = sp.eye_array(452, format="csr"), np.random.default_rng(0)
+    pencil = Pencil(one, K, one * alpha if alpha else None)
+    modes = solve_modes(pencil, Request(count=2))
+    both = np.pad(turn, ((0, 450), (0, 0)))
+    right, left = (both[:, [i, i]] + 1e-16 * rng.standard_normal((452, 2)) for i in (0, 1))
+    exact = np.full(2, 1j * np.sqrt(15 - alpha**2 / 4) - alpha / 2)
+    equal = replace(modes, lam=exact, right=right + 0j, left=left / (left * right).sum(axis=0) + 0j)
+    found = with_far_growth(pencil, equal, abs(exact[0]), None, "auto")
+    np.testing.assert_allclose(found.lam, exact, atol=1e-6)
