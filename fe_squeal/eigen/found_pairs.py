@@ -13,9 +13,9 @@ from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
 
 _ROUNDING = 1e-12  # what rounding may leave of zero, relative to |λ|
 SAME = 1e-7  # of |λ|: eigenvalues of two searches that are closer are one
-# Sine of the angle between the vectors of two equal eigenvalues: where it is smaller, the second direction of the
-# defective pair is rounding, so that it cannot be taken out of a search.
-_COINCIDING = 1e-8
+# Sine s of the angle between the vectors of two equal eigenvalues, which rounding parts by about √ε where the pair is
+# defective. What takes both out of a search is off by ε/s²: 2 % here. Below this angle they are not taken out.
+_COINCIDING = 1e-7
 _BLUR = 4  # times the errors by which rounding parts the two images of a defective eigenvalue: closer ones are one
 
 

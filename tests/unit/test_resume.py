@@ -1,13 +1,9 @@
-"""What `--resume` takes up, what it refuses, and that one run at a time has a folder."""
+"""What `--resume` takes up, and what it refuses."""
 
 from __future__ import annotations
 
 import functools
 import json
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -18,18 +14,16 @@ from interrupted import assert_same_results, assert_valid, interrupt, refused, s
 from matrix_scenes import sites, terms_of
 from matrix_scenes import sweep_text as sweep_of
 from matrix_scenes import write_scene as write_matrix_scene
-from scene_texts import environment, replaced, write_scene
+from scene_texts import replaced, write_scene
 
 import fe_squeal.report.export
 import fe_squeal.run.inputs
 import fe_squeal.run.lock
 import fe_squeal.run.run
 from fe_squeal.cli import main
-from fe_squeal.errors import NotConvergedError, OutputError, TooLargeError
+from fe_squeal.errors import NotConvergedError, TooLargeError
 from fe_squeal.geometry import Block, write_mesh
-from fe_squeal.run.folder import hold_folder
 from fe_squeal.run.inputs import differences
-from fe_squeal.sweep.result import Sweep
 from fe_squeal.sweep.running import RunningSweep
 
 PRELOAD = "[effects.preload]\npressures = { top = 1.0e5 }\n[effects.friction]"
@@ -251,166 +245,3 @@ def test_differences_are_counted() -> None:
     told = fe_squeal.run.inputs.joined_differences(differences(known, given))
     assert told.endswith("a[3].b is 3 there and -3 here; and 2 more")
     assert differences(known, known) == []
-
-
-@pytest.mark.slow
-def test_second_run_into_a_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """While the first one has it, and not after it was killed."""
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    program = (
-        "import sys, time; from pathlib import Path; from fe_squeal.run.folder import hold_folder\n"
-        "with hold_folder(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
-    )
-    child = subprocess.Popen(
-        [sys.executable, "-c", program, str(out)], stdout=subprocess.PIPE, env=environment(), encoding="utf-8"
-    )
-    try:
-        assert child.stdout is not None and child.stdout.readline() == "held\n"
-        for options in ([], ["--resume"]):
-            assert main(["run", str(path), "-o", str(out), *options]) == 2
-            said = capsys.readouterr().err
-            assert said.startswith(f"error: {out}: is held by another run (process {child.pid} since 20")
-            assert said.endswith("given by -o\n") and said.count("\n") == 1
-        assert {p.name for p in out.iterdir()} == {".lock"}
-    finally:
-        child.kill()
-        child.wait()
-    assert main(["run", str(path), "-o", str(out)]) == 0
-    assert not (out / ".lock").exists()
-
-
-def test_folder_is_free_behind_the_block(tmp_path: Path) -> None:
-    with hold_folder(tmp_path), pytest.raises(OutputError, match="held by another run"), hold_folder(tmp_path):
-        pass
-    with hold_folder(tmp_path):
-        pass
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a process sends signals to itself")
-@pytest.mark.parametrize("step", ["_lock", "_is_still", "_release"])
-def test_a_signal_while_the_lock_is_taken_or_given_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
-) -> None:
-    """Nothing is left, at whatever step it comes; the folder that was made is gone, too."""
-    whole = getattr(fe_squeal.run.lock, step)
-
-    def with_signal(*given: object) -> object:
-        signal.raise_signal(signal.SIGINT)
-        return whole(*given)
-
-    monkeypatch.setattr(fe_squeal.run.lock, step, with_signal)
-    with pytest.raises(KeyboardInterrupt), hold_folder(tmp_path / "out"):
-        pass
-    assert not list(tmp_path.iterdir())
-    monkeypatch.undo()
-    with hold_folder(tmp_path / "out"):  # and it is free
-        pass
-
-
-@pytest.mark.slow
-def test_temporary_files_of_killed_runs_are_removed(tmp_path: Path) -> None:
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    assert main(["run", str(path), "-o", str(out)]) == 0
-    token = (out / "manifest.sha256").read_text().split()[3].rstrip(":")
-    scratch = out / f".{token}.partial"
-    scratch.mkdir()
-    left = [scratch / "a.csv", out / f".manifest.{token}.partial.sha256"]
-    mine = out / ".x.1.partial.csv"
-    for file in (*left, mine):
-        file.write_text("half")
-    assert main(["run", str(path), "-o", str(out)]) == 0
-    assert not any(file.exists() for file in left) and mine.read_text() == "half"
-
-
-@pytest.mark.slow
-def test_an_older_record_goes_before_anything_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Killed while it clears the folder, a run must not leave a record that calls what is left complete."""
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    assert main(["run", str(path), "-o", str(out)]) == 0
-    removed: list[str] = []
-    unlink = os.unlink
-
-    def watched(path: str, **folder: int | None) -> None:
-        removed.append(os.path.basename(path))
-        unlink(path, **folder)
-
-    monkeypatch.setattr(os, "unlink", watched)
-    assert main(["run", str(path), "-o", str(out)]) == 0
-    removed = [name for name in removed if (out / name).exists()]  # again: no temporary files
-    assert removed[0] == "run.json" and "modes.csv" in removed
-    assert json.loads((out / "run.json").read_text())["status"] == "complete"
-
-
-def first_time(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> None:
-    """Have the first call of a function interrupted."""
-    function, calls = getattr(owner, name), []
-
-    def stopping(*arguments: object, **options: object) -> object:
-        calls.append(1)
-        if len(calls) == 1:
-            raise KeyboardInterrupt
-        return function(*arguments, **options)
-
-    monkeypatch.setattr(owner, name, stopping)
-
-
-def test_an_interruption_before_the_first_new_value_leaves_what_there_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of a run that was killed: it is said how far it has come, and run.json says how it ended."""
-    path, out = write_sweep(tmp_path, 5), tmp_path / "out"
-    with monkeypatch.context() as patched, pytest.raises(SystemExit):
-        stop_at(4, patched, SystemExit)  # nothing in the program takes it up
-        main(["run", str(path), "-o", str(out)])
-    before = json.loads((out / "run.json").read_text("utf-8"))
-    modes, kept = (out / "modes.csv").read_bytes(), len(before["values"])
-    assert before["status"] == "running" and 0 < kept < 4
-    capsys.readouterr()
-    for error, code, said in (
-        (KeyboardInterrupt(), 130, f"interrupted: {kept} of 5 values were finished and are in {out}\n"),
-        (NotConvergedError("no"), 3, f"not converged: no; {kept} values before it are in {out}\n"),
-    ):
-        with monkeypatch.context() as patched:
-            patched.setattr(RunningSweep, "reduce", lambda *_, error=error: (_ for _ in ()).throw(error))
-            assert main(["run", str(path), "-o", str(out), "--resume"]) == code
-        assert capsys.readouterr().err == said
-        status = "interrupted" if code == 130 else "not converged"
-        assert json.loads((out / "run.json").read_text("utf-8")) == {**before, "status": status}
-        assert (out / "modes.csv").read_bytes() == modes
-    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
-    assert f"resuming: {kept} of 5 values are finished" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(("owner", "name"), [(RunningSweep, "result"), (fe_squeal.run.run, "write_results")])
-def test_an_interruption_behind_the_last_value_keeps_all(
-    owner: object, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, out = write_sweep(tmp_path, 3), tmp_path / "out"
-    with monkeypatch.context() as patched:
-        first_time(patched, owner, name)
-        assert main(["run", str(path), "-o", str(out)]) == 130
-    assert capsys.readouterr().err == f"interrupted: 3 of 3 values were finished and are in {out}\n"
-    record = json.loads((out / "run.json").read_text("utf-8"))
-    assert (record["status"], len(record["values"])) == ("interrupted", 3)
-    assert main(["run", str(path), "-o", str(out), "--resume"]) == 0
-    assert "resuming: 3 of 3 values are finished" in capsys.readouterr().out
-    assert json.loads((out / "run.json").read_text("utf-8"))["status"] == "complete"
-
-
-@pytest.mark.parametrize(("error", "code", "status"), [
-    (KeyboardInterrupt, 130, "interrupted"), (NotConvergedError, 3, "not converged"),
-])  # fmt: skip
-def test_shapes_that_a_broken_step_of_several_processes_does_not_give(
-    error: type[BaseException], code: int, status: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    """Every later step of them raises the same again; tables need none, and run.json says how the run ended."""
-    path, out = write_scene(tmp_path, replaced('"none"', '"unstable"', sweep_text(5))), tmp_path / "out"
-    stop_at(5, monkeypatch, error)
-    monkeypatch.setattr(Sweep, "exact_shapes", lambda *_: (_ for _ in ()).throw(error("broken")))
-    assert main(["run", str(path), "-o", str(out)]) == code
-    record = json.loads((out / "run.json").read_text("utf-8"))
-    assert (record["status"], len(record["values"])) == (status, 4)
-    assert sorted(pd.read_csv(out / "modes.csv")["value"].unique()) == record["values"]
-    assert "4 of 5 values were finished" in (said := capsys.readouterr().err) or "the end; 4 values before it" in said
