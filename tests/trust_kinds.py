@@ -38,9 +38,9 @@ import test_measured
 import test_mesh_fuzz
 import test_mesh_unv
 import test_scene_fuzz
+from clamped_block import BLOCK
 from mutations import dump, mutated_bytes, mutated_data
 from test_decks_ansys_brake import brake
-from test_mesh_for_target import BLOCK
 
 Spoil = Callable[[bytes, np.random.Generator], bytes]
 RUN = ("run", "{scene}", "-o", "{out}")

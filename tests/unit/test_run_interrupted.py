@@ -10,20 +10,13 @@ import pytest
 from interrupted import stop_at, sweep_text, write_sweep
 from scene_texts import replaced, write_scene
 
-import fe_squeal.report.export
-import fe_squeal.run.inputs
-import fe_squeal.run.lock
 import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
 from fe_squeal.sweep.result import Sweep
 from fe_squeal.sweep.running import RunningSweep
 
-
-@pytest.fixture(autouse=True)
-def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take most of the time of such small runs; tests/hard/test_interruptions.py has them."""
-    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 
 def first_time(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> None:

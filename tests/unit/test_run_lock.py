@@ -13,19 +13,12 @@ import pytest
 from interrupted import write_sweep
 from scene_texts import environment
 
-import fe_squeal.report.export
-import fe_squeal.run.inputs
 import fe_squeal.run.lock
-import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import OutputError
 from fe_squeal.run.folder import hold_folder
 
-
-@pytest.fixture(autouse=True)
-def _no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take most of the time of such small runs; tests/hard/test_interruptions.py has them."""
-    monkeypatch.setattr(fe_squeal.run.run, "write_figures", lambda *_: None)
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 
 @pytest.mark.slow
