@@ -179,7 +179,8 @@ def _bars(
     values = point.modes.lam + moved
     values = np.where(balanced, 1j * values.imag, values)
     values.imag = np.where(point.modes.lam.imag > 0, np.maximum(values.imag, 0.0), values.imag)  # frequencies
-    values.imag[further[modes].imag == 0] = 0.0  # of what does not swing, whatever λ differ by in the sweep's basis
+    # A mode that swings no more has no frequency: what is left of one is the difference of λ in two bases.
+    values.imag[further[modes].imag == 0] = 0.0
     beyond_bars = re + 1j * np.maximum(im, bent[1].imag)
     return _Bars(mirrored(bars, partner), values, mirrored(beyond_bars, partner), parts.known)
 

@@ -110,7 +110,7 @@ class FoundPairs:
     def _coincide(self, u: np.ndarray) -> np.ndarray:
         """Return (k,) bool, which eigenvalues are equal to another one whose vector in u (n, k) is parallel."""
         found = np.zeros(len(self.lam), bool)
-        near = np.abs(self.lam[:, None] - self.lam) < SAME * np.abs(self.lam)[:, None]  # and none is λ = 0
+        near = np.abs(self.lam[:, None] - self.lam) < SAME * np.abs(self.lam)[:, None]  # never of λ = 0
         for i, j in np.argwhere(np.triu(near, 1)):
             a, b = (x / np.linalg.norm(x) for x in (u[:, i], u[:, j]))
             found[[i, j]] |= np.linalg.norm(b - a * np.vdot(a, b)) <= _COINCIDING

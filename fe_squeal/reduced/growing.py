@@ -78,7 +78,7 @@ class GrowingModel(ModesAtPlaces):
             if found[worst] > 1:
                 self._add_modes(worst)
             if searched is None or found[worst] <= 1:
-                if self._add_missing([candidates[0], candidates[-1]]):  # roughly: another search may have more
+                if self._add_missing([candidates[0], candidates[-1]]):  # rough ones: another search may have more
                     self._know_less()
                     found = dict.fromkeys(found, np.inf)
                 else:

@@ -20,7 +20,7 @@ _SEED, _BLOCK, _STEPS = 20251107, 8, 5
 # Times the end of the range: a mode below that which only the extended basis has was missing. It is rough, and so lies
 # too high, if anything; the basis has modes beyond the range.
 _BEYOND = 1.05
-_CLEAR = 1e-5  # of the next θ: a gap between two θ that is wider than this is a clear one
+_CLEAR = 1e-5  # of the next θ, or of a frequency: a gap that is wider than this is a clear one
 SEARCH_SOLVES = _STEPS * _BLOCK  # right-hand sides that a search solves for
 
 
