@@ -16,6 +16,7 @@ SAME = 1e-7  # of |λ|: eigenvalues of two searches that are closer are one
 # Sine s of the angle between the vectors of two equal eigenvalues, which rounding parts by about √ε where the pair is
 # defective. What takes both out of a search is off by ε/s²: 2 % here. Below this angle they are not taken out.
 _COINCIDING = 1e-7
+_REAL = 1e-6  # of its largest entry: a vector with a smaller imaginary part is real
 _BLUR = 4  # times the errors by which rounding parts the two images of a defective eigenvalue: closer ones are one
 
 
@@ -56,6 +57,8 @@ class FoundPairs:
             eigenvalue is another copy of it.
         """
         lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
+        if not self.pencil.is_complex:
+            right, left = (_with_real_vectors(lam, u) for u in (right, left))
         errors = eigenvalue_errors(self.pencil, lam, right, left)
         if self.right is None or self.left is None:
             self.lam, self.right, self.left, self._errors = lam, right, left, errors
@@ -99,7 +102,7 @@ class FoundPairs:
         real = self.lam[upper].imag == 0
 
         def spanned(u: np.ndarray, lam: np.ndarray) -> States:
-            # The vector of a real eigenvalue is real but for a factor.
+            # The vector of a real eigenvalue is real but for a factor, see `_with_real_vectors`.
             u = np.where(real, u / u[np.abs(u).argmax(axis=0), np.arange(len(lam))], u)
             velocity = u * lam
             return np.hstack([u.real, u.imag[:, ~real]]), np.hstack([velocity.real, velocity.imag[:, ~real]])
@@ -126,3 +129,24 @@ class FoundPairs:
         if free is not None:
             lam, right, left = free.beside(lam, right, left)
         return modes_from_lambda(self.pencil, lam, right, left, "")
+
+
+def _with_real_vectors(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return vectors u (n, k) of a real pencil, in which those of real eigenvalues lam (k,) are real but for factors.
+
+    Where several eigenvalues are equal, rounding may part two of them into λ ± iε with conjugate vectors. These have
+    the same real part; real vectors that span what all of the equal ones do take their place.
+    """
+    real = np.flatnonzero((lam.imag == 0) & (lam != 0))
+    own = u[:, real]
+    turned = own / own[np.abs(own).argmax(axis=0), np.arange(len(real))]
+    mixed = np.abs(turned.imag).max(axis=0, initial=0.0) > _REAL
+    if not mixed.any():
+        return u
+    u = u.copy()
+    for value in np.unique(lam[real[mixed]]):
+        same = np.flatnonzero((lam.imag == 0) & (np.abs(lam - value) <= SAME * np.abs(value)))
+        parts = turned[:, np.isin(real, same)]
+        parts = np.hstack([parts.real, parts.imag]) / np.tile(np.linalg.norm(parts, axis=0), 2)
+        u[:, same] = np.linalg.svd(parts, full_matrices=False)[0][:, : len(same)]
+    return u

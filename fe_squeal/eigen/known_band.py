@@ -21,7 +21,7 @@ from .growth import may_grow, whirls
 from .linear.factor import LinearSolver, SingularError
 from .multiple import rounding_of_zero
 from .pencil import Modes
-from .shift import BEHIND, LIGHT, light_tilt, on_slant
+from .shift import BEHIND, LIGHT, light_tilt, on_ray, on_slant
 from .shift_invert import ShiftInverted
 from .unsearched import ALL_SEARCHED, FAST_FLUTTER, GROWTH, Unsearched
 
@@ -123,12 +123,12 @@ class KnownBand:
         omega, half = (a + b) / 2, _OVERLAP * (b - a) / 2
         radius = float(np.hypot(half, _TILT * b))
         if radius > _TOUCHING * omega:
-            omega = _OVERLAP * b / _on_ray(1.0, _TOUCHING, _TILT)[1]
+            omega = _OVERLAP * b / on_ray(1.0, _TOUCHING, _TILT)[1]
             radius = _TOUCHING * omega
         sigma, known = self._disc(1j * omega, radius, expected)
-        self._lit.append(_on_ray(abs(sigma), known, LIGHT))
+        self._lit.append(on_ray(abs(sigma), known, LIGHT))
         near = self.found.lam[np.abs(self.found.lam - sigma) <= known]
-        return _on_ray(abs(sigma), known, light_tilt(near))
+        return on_ray(abs(sigma), known, light_tilt(near))
 
     def add_rest(self, top: float) -> None:
         """Add what else is near: all eigenvalues around zero, and those that grow, up to a frequency, rad/s.
@@ -194,9 +194,16 @@ class KnownBand:
             high *= _OVERLAP * _ASLANT_NEXT
 
     def add_growing(self, high: float, low: float) -> bool:
-        """Add what grows between two rates, rad/s, and swings far more slowly; return whether that is all."""
+        """Add what grows between two rates, rad/s, and swings far more slowly; return whether that is all.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of it; `partial` has the modes found.
+        """
         while high > low:
             sigma, known = self._disc(_GROWING * high, _NARROW * _GROWING * high, 0, growing=True)
+            self.add_copies(high, (sigma, known))
             if known < _NARROW * abs(sigma) * (1 - _CLEAR):
                 self._leave_out(GROWTH)
                 return False
@@ -229,23 +236,32 @@ class KnownBand:
         self.unsearched = self.unsearched.joined(Unsearched(rate=rate))
 
     def add_slow(self, top: float) -> None:
-        """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there."""
+        """Add modes below the discs on the imaginary axis, down to zero unless overdamped modes crowd there.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no end of them; `partial` has the modes found.
+        """
         while self.near > _SLIVER * top:
             reach = _OVERLAP * self.near
             sigma, known = self._disc(reach, _SLOW_RADIUS * reach, 0)
+            self.add_copies(reach, (sigma, known))
             if known >= np.hypot(abs(sigma), reach):
                 self._lit.append((0.0, on_slant(abs(sigma), known, LIGHT)))
                 return
             low, high = self._around(0.0, reach, 0)
+            self.add_copies(reach)
             if not low < min(high, self.near / 2):
                 break
             self.near = low
         self.low = _OVERLAP * self.near  # the ray of `LIGHT` enters the lowest disc a little above
 
-    def add_copies(self, top: float) -> None:
+    def add_copies(self, top: float, disc: tuple[complex, float] | None = None) -> None:
         """Add further copies of those multiple eigenvalues up to a frequency, rad/s, that fill a block of vectors.
 
-        They are looked for from so near that hardly anything else is in sight, with the known copies taken out.
+        With the centre and the radius of a disc these are those in it alone. They are looked for from so near that
+        hardly anything else is in sight, with the known copies taken out.
 
         Raises
         ------
@@ -253,6 +269,8 @@ class KnownBand:
             If there is no end of them; `partial` has the modes found.
         """
         values = self.found.lam[is_light(self.found.lam) & (self.found.lam.imag <= top)]
+        if disc is not None:
+            values = values[np.abs(values - disc[0]) <= disc[1]]
         while len(values):
             value = values[0]
             same = np.abs(values - value) <= SAME * np.abs(value)
@@ -278,6 +296,8 @@ class KnownBand:
             If there is no end of them; `partial` has the modes found.
         """
         sigma, known = self._emptied(BEHIND * top, float(np.hypot(BEHIND, 1.0)) * top)
+        if sigma != BEHIND * top:  # it was moved away from an eigenvalue, and farther from i·top
+            sigma, known = self._emptied(sigma, float(np.hypot(abs(sigma), top)))
         if known < (1 - _CLEAR) * np.hypot(abs(sigma), top):
             return False
         self._lit.append((0.0, on_slant(abs(sigma), known, LIGHT)))
@@ -368,15 +388,3 @@ def enough_steps(n: int, radius: float) -> int:
     has √(2n) times as much of all others together as of that one mode.
     """
     return int(np.ceil(np.log(_SHOWN * np.sqrt(2 * n)) / np.log(2 / radius - 1)))
-
-
-def _on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:
-    """Return the two Im λ between which the rays Re λ = ∓tilt · Im λ lie in a disc around iω; equal if they miss it.
-
-    On these |λ − iω|² = (1 + tilt²)(Im λ)² − 2ω Im λ + ω².
-    """
-    a = 1 + tilt**2
-    root = omega**2 - a * (omega**2 - radius**2)
-    if root < 0:
-        return omega, omega
-    return max((omega - np.sqrt(root)) / a, 0.0), float((omega + np.sqrt(root)) / a)

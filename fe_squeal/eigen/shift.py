@@ -89,6 +89,18 @@ def on_slant(sigma: float, radius: float, tilt: float) -> float:
     return float((np.sqrt(b**2 + a * max(c, 0.0)) - b) / a)
 
 
+def on_ray(omega: float, radius: float, tilt: float) -> tuple[float, float]:
+    """Return the two Im λ, rad/s, between which the rays Re λ = ∓tilt · Im λ lie in a disc around iω.
+
+    On these |λ − iω|² = (1 + tilt²)(Im λ)² − 2ω Im λ + ω². Both are equal if the rays miss the disc.
+    """
+    a = 1 + tilt**2
+    root = omega**2 - a * (omega**2 - radius**2)
+    if root < 0:
+        return omega, omega
+    return max((omega - np.sqrt(root)) / a, 0.0), float((omega + np.sqrt(root)) / a)
+
+
 def loss_tilt(pencil: Pencil, lam: np.ndarray) -> float:
     """Return the largest −Re λ / Im λ of eigenvalues, or what the largest loss angle of the stiffness allows.
 

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from fe_squeal.eigen import known_band
 from fe_squeal.eigen.found_pairs import FoundPairs
 from fe_squeal.eigen.known_band import KnownBand, is_light
+from fe_squeal.eigen.linear.factor import SingularError
 from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.shift import BEHIND, LIGHT, LIGHT_RATIO, on_slant
@@ -66,6 +67,63 @@ def test_more_flutter_aslant_than_one_search_shows():
     known = KnownBand(FoundPairs(pencil_of(lam)), None, "auto", near=0.4)
     known.add_aslant(1.0)
     assert np.count_nonzero(np.abs(known.found.lam - 0.4 - 0.8j) < 0.021) == ROUND and not known.unsearched
+
+
+def with_equal(k: float, c: float, copies: int) -> tuple[Pencil, complex]:
+    """Return oscillators of which some are equal, and their λ of the larger real or imaginary part."""
+    stiffness = np.concatenate([np.full(copies, k), np.linspace(0.06, 50.0, N - copies) ** 2])
+    damping = np.concatenate([np.full(copies, c), np.full(N - copies, 0.002)])
+    M, C, K = (sp.csr_array(sp.diags_array(d)) for d in (np.ones(N), damping, stiffness))
+    return Pencil(M, K, C, symmetric=True), -c / 2 + np.sqrt(complex(c**2 / 4 - k))
+
+
+@pytest.mark.parametrize("copies", [4, 5, 6, 7, 11])
+def test_more_equal_parts_that_diverge_fast_than_a_block_shows(copies):
+    """Rounding parts the real eigenvalues of two of them into a pair with conjugate vectors, which count as two."""
+    pencil, lam = with_equal(-4.0, 0.1, copies)
+    modes = solve_modes(pencil, Request(max_frequency_hz=1 / (2 * np.pi)))
+    growing = modes.select(np.flatnonzero(modes.lam.real > 0.01))
+    np.testing.assert_allclose(growing.lam, np.full(copies, lam), rtol=1e-12)
+    shares = np.linalg.svd(growing.right / np.linalg.norm(growing.right, axis=0), compute_uv=False)
+    assert shares.min() > 1e-6 and not modes.unsearched
+
+
+@pytest.mark.parametrize(
+    ("copies", "loss", "damper"), [(8, 0.0, None), (12, 0.02, None), (6, 0.02, 0.01), (5, 0.5, 0.01)]
+)
+def test_more_equal_parts_that_diverge_fast_in_other_classes(copies, loss, damper):
+    """Two of the others are coupled by friction. Solves without C have found some of the copies before."""
+    K = sp.lil_array(with_equal(-4.0, 0.0, copies)[0].K)
+    K[copies + 3, copies + 4], K[copies + 4, copies + 3] = 1e-3, -2e-3
+    M, K = sp.eye_array(N, format="csr"), sp.csr_array(K) * (1 + 1j * loss if loss else 1)
+    modes = solve_modes(Pencil(M, K, None if damper is None else M * damper), Request(max_frequency_hz=1 / (2 * np.pi)))
+    c = damper or 0.0
+    lam = -c / 2 + np.sqrt(c**2 / 4 + 4 * (1 + 1j * loss))
+    np.testing.assert_allclose(modes.lam[modes.lam.real > 1], np.full(copies, lam), rtol=1e-10)
+
+
+def test_a_shift_that_is_moved_away_from_an_eigenvalue_leaves_nothing_out(monkeypatch):
+    """The disc reaches up to the end of the range from where the shift is then."""
+    whole = known_band.ShiftInverted
+
+    def singular_there(pencil, sigma, *given):
+        if sigma == BEHIND:
+            raise SingularError("an eigenvalue is there")
+        return whole(pencil, sigma, *given)
+
+    monkeypatch.setattr(known_band, "ShiftInverted", singular_there)
+    pencil, growth = with_equal(-BEHIND * (BEHIND + 0.1), 0.1, 1)
+    known = KnownBand(FoundPairs(pencil), None, "auto")
+    assert growth == pytest.approx(BEHIND) and known.add_beside(1.0)
+    assert np.abs(known.found.lam - BEHIND).min() < 1e-9
+
+
+@pytest.mark.parametrize(("k", "c", "copies"), [(4e-4, 0.002, 12), (1e-6, 2e-4, 30)])
+def test_more_equal_parts_that_swing_slowly_than_a_block_shows(k, c, copies):
+    pencil, lam = with_equal(k, c, copies)
+    known = KnownBand(FoundPairs(pencil), None, "auto", near=0.05)
+    known.add_slow(1.0)
+    assert np.count_nonzero(np.abs(known.found.lam - lam) < 1e-9 * abs(lam)) == copies and known.low < abs(lam)
 
 
 def test_a_search_that_fails_at_the_end_leaves_out_what_decays_alone(monkeypatch):
