@@ -8,6 +8,7 @@ what is near zero and what grows.
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -42,6 +43,7 @@ _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in 
 # reach the left half plane only where those on the axis cover it.
 _ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
 _FAR = 8.0  # of a rate: growth up to here is looked for around one shift
+_BLOCKS = 16  # blocks of equal modes that grow, which are looked for one after the other
 _FARTHER = 5  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
 # Of a frequency: where the ray of `LIGHT` leaves the circle around `BEHIND`, or around a shift a little
@@ -202,8 +204,14 @@ class KnownBand:
             If there is no end of it; `partial` has the modes found.
         """
         while high > low:
-            sigma, known = self._disc(_GROWING * high, _NARROW * _GROWING * high, 0, growing=True)
+            before, shift, radius = len(self.found), _GROWING * high, _NARROW * _GROWING * high
+            sigma, known = self._disc(shift, radius, 0, growing=True)
             self.add_copies(high, (sigma, known))
+            if known < radius and len(self.found) == before:
+                # Of equal ones rounding may show more and more copies, of which none converges before the next one is
+                # there. With one block after the other taken out it does; a crowd is left to what is told.
+                with suppress(NotConvergedError):
+                    sigma, known = self._emptied(shift, radius, True, _BLOCKS)
             if known < _NARROW * abs(sigma) * (1 - _CLEAR):
                 self._leave_out(GROWTH)
                 return False
@@ -303,7 +311,9 @@ class KnownBand:
         self._lit.append((0.0, on_slant(abs(sigma), known, LIGHT)))
         return True
 
-    def _emptied(self, sigma: complex, radius: float) -> tuple[complex, float]:
+    def _emptied(
+        self, sigma: complex, radius: float, growing: bool = False, rounds: int = _DISCS
+    ) -> tuple[complex, float]:  # fmt: skip
         """Add what is beside the known modes in a disc; return its centre, and the radius inside which all are known.
 
         A Krylov space of blocks holds as many copies of a multiple eigenvalue as a block has vectors, and does not show
@@ -313,11 +323,11 @@ class KnownBand:
         Raises
         ------
         NotConvergedError
-            If there is no end of them; `partial` has the modes found.
+            If there is no end of them after so many rounds; `partial` has the modes found.
         """
-        for _ in range(_DISCS):
+        for _ in range(rounds):
             before = len(self.found)
-            centre, known = self._disc(sigma, radius, None)
+            centre, known = self._disc(sigma, radius, None, growing)
             if not is_light(self.found.lam[before:]).any():
                 return centre, known
         raise NotConvergedError(f"{len(self.found)} modes found, and there are still others beside them", self.modes())

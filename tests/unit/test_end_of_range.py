@@ -102,6 +102,20 @@ def test_more_equal_parts_that_diverge_fast_in_other_classes(copies, loss, dampe
     np.testing.assert_allclose(modes.lam[modes.lam.real > 1], np.full(copies, lam), rtol=1e-10)
 
 
+@pytest.mark.parametrize(("copies", "mu", "most"), [(25, 1.0, 400.0), (41, 0.7, 60.0)])
+def test_more_equal_parts_that_diverge_than_a_space_of_vectors_parts(copies, mu, most):
+    """Each has a diverging mode, and no two of its modes are orthogonal. Others swing beside them."""
+    chain = [3 * np.eye(n) - 1.4 * (np.eye(n, k=1) + np.eye(n, k=-1)) for n in (12, 200)]
+    part, fall = 4 * chain[0] + 2 * np.eye(12), np.zeros((12, 12))
+    fall[0, :2], fall[3, 4] = [-most, -0.3 * most], 0.2
+    K = sp.csr_array(sp.block_diag([*(part + mu * fall for _ in range(copies)), chain[1]]))
+    modes = solve_modes(Pencil(sp.eye_array(K.shape[0], format="csr"), K), Request(count=12))
+    theta = np.linalg.eigvals(part + mu * fall).real.min()
+    growing = modes.lam.real > 1
+    np.testing.assert_allclose(modes.lam[growing], np.full(copies, np.sqrt(-theta)), rtol=1e-9)
+    assert not modes.unsearched
+
+
 def test_a_shift_that_is_moved_away_from_an_eigenvalue_leaves_nothing_out(monkeypatch):
     """The disc reaches up to the end of the range from where the shift is then."""
     whole = known_band.ShiftInverted
