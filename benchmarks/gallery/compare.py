@@ -52,6 +52,7 @@ def measure(way: str, model: Model, size: float, values: int, band: float) -> di
         lam, c = found.points[-1].modes.lam, found.completeness
         own = {
             "seconds": time.process_time() - start, "stages": dict(found.seconds), "onsets": len(found.onsets),
+            "damped": problem.problem_class not in ("symmetric", "nonsymmetric"),
             "warnings": len(found.warnings), "method": found.method, "complete": bool(c.proven), "counted": c.found,
         }  # fmt: skip
     else:

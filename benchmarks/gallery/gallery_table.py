@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import Callable
+from typing import NamedTuple
 
 from gallery_models import MODELS, Model
 
@@ -23,6 +25,43 @@ faster. Found and error compare the modes at the last value with those of the di
 of the reduced model. The share of the onsets is that of refining them in the seconds of the sweep. A way that took
 longer than the limit of seconds says so. Each process has one thread, and its CPU seconds count, since the machine is
 shared with other work."""
+_LEAST = 0.05  # of a sweep's seconds: smaller parts are not named
+AIMED = """What was aimed at, the smallest ratio in each class, and what that sweep's seconds are spent on. What bounds
+it is in the last section, by profile: many decompositions of small matrices, and products and sums around them."""
+STAGES = {
+    "reduction": "reduced model", "eigenvalues": "modes at values", "tracking": "tracking", "onsets": "onsets",
+    "completeness": "count", "descriptors": "shares and sensitivities",
+}  # fmt: skip
+
+
+class Aim(NamedTuple):
+    """A ratio to the fastest peer that is aimed at.
+
+    Attributes
+    ----------
+    kind : str
+        The class of models, in words.
+    ways : tuple of str
+    ratios : mapping of int to float
+        By the number of values.
+    belongs : callable of a row
+        Whether a measurement is one of the class.
+    """
+
+    kind: str
+    ways: tuple[str, ...]
+    ratios: dict[int, float]
+    belongs: Callable[[dict], bool]
+
+
+AIMS = (
+    Aim("undamped, about 20 000 unknowns", ("auto",), {21: 4, 101: 12},
+        lambda r: not r["damped"] and 15_000 < r["unknowns"] < 35_000),
+    Aim("undamped, from 35 000 unknowns", ("auto",), {21: 6, 101: 24},
+        lambda r: not r["damped"] and r["unknowns"] > 35_000),
+    Aim("damped or rotating", ("auto",), {21: 4, 101: 12}, lambda r: r["damped"]),
+    Aim("all", ("auto", "direct"), {2: 0.4}, lambda r: True),
+)  # fmt: skip
 
 
 def table_line(r: dict) -> str:
@@ -56,7 +95,7 @@ def section(rows: list[dict], models: list[Model], limit: float) -> str:
     made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
     rest = ", ".join(m.name for m in MODELS if m not in models)
     rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
-    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{slower(rows)}\n\n{table(rows)}\n"
+    return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{slower(rows)}\n\n{AIMED}\n\n{aims(rows)}\n\n{table(rows)}\n"
 
 
 def slower(rows: list[dict]) -> str:
@@ -71,4 +110,32 @@ def slower(rows: list[dict]) -> str:
             f"- {values} values: `auto` is faster than the fastest peer on {ahead} of {len(own)}"
             + (f"; slower on {', '.join(behind)} (unknowns: ratio)" if behind else "")
         )
+    return "\n".join(lines)
+
+
+def aims(rows: list[dict]) -> str:
+    """Return what was aimed at, beside the smallest ratio in each class, as Markdown.
+
+    Examples
+    --------
+    >>> row = {"model": "a", "unknowns": 4, "values": 2, "way": "auto", "damped": True, "ratio": 0.5}
+    >>> aims([row | {"stages": {"onsets": 1.0, "tracking": 0.0}}]).splitlines()[-1]
+    '| all | auto | 2 | 0.4 | 0.5 | a (4) | onsets 100 % |'
+    """
+    head = "class", "way", "values", "aimed at", "smallest", "of", "spent on"
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for kind, ways, ratios, belongs in AIMS:
+        for way in ways:
+            for values, aim in ratios.items():
+                own = [r for r in rows if r["way"] == way and r["values"] == values and "stages" in r and belongs(r)]
+                own = [r for r in own if not math.isnan(r["ratio"])]
+                if not own:
+                    continue
+                worst = min(own, key=lambda r: r["ratio"])
+                whole = sum(worst["stages"].values())
+                spent = sorted(((s / whole, STAGES[name]) for name, s in worst["stages"].items()), reverse=True)
+                parts = ", ".join(f"{name} {100 * share:.0f} %" for share, name in spent if share >= _LEAST)
+                of = f"{worst['model']} ({worst['unknowns']})"
+                cells = [kind, way, str(values), f"{aim:g}", f"{worst['ratio']:.2g}", of, parts]
+                lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)

@@ -17,6 +17,8 @@ from .threads import thread_count
 
 _TALL = 5000  # rows from which the work of slicing them pays
 _ROWS = 2**15  # rows that are combined at once where all of them would be a copy of a large basis
+_FEW, _MANY = 0.1, 0.75  # of all rows: those of a basis in which a term acts are copied, and not copied
+_COPIED = 2**28  # bytes that they may take then
 _PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
 _Part = TypeVar("_Part")
 
@@ -90,6 +92,37 @@ def cross_in(X: Columns, rows: np.ndarray | None, *blocks: np.ndarray) -> list[n
 def form(U: Columns, A: sp.csr_array, V: Columns) -> np.ndarray:
     """Return UᵀAV (k, r) for a sparse A (m, n), U (m, k) and V (n, r), a few vectors V after the others."""
     return np.hstack([np.zeros((U.shape[1], 0)), *(cross(U, times(A, X)) for X in pieces(V))])
+
+
+def projected(V: Columns, A: sp.csr_array, sign: int = 0) -> np.ndarray:
+    """Return VᵀAV (r, r) for a sparse A (n, n) and V (n, r), a few vectors after the others.
+
+    Products are formed in the rows in which A has entries: a term of one body has them in the rows of this body alone.
+
+    Parameters
+    ----------
+    sign : 1, -1 or 0
+        1 where A is symmetric and -1 where it is skew-symmetric: then half of the products suffice.
+    """
+    rows, (n, r), here = np.flatnonzero(np.diff(A.indptr)), V.shape, V
+    is_worth_a_copy = isinstance(V, np.ndarray) and len(rows) <= _MANY * n and 8 * len(rows) * r <= _COPIED
+    if len(rows) < _FEW * n or is_worth_a_copy:
+        here = V.T.take(rows, axis=1).T if isinstance(V, np.ndarray) else V[rows]
+        A = _without_empty(A, rows)
+    out = np.empty((r, r))
+    for first in range(0, r, _PIECE):
+        own = slice(first, min(first + _PIECE, r))
+        upper = here[:, : own.stop] if sign else here
+        out[: upper.shape[1], own] = cross(upper, times(A, np.asarray(V[:, own])))
+        if sign:
+            out[own, :first] = sign * out[:first, own].T
+            out[own, own] = (out[own, own] + sign * out[own, own].T) / 2
+    return out
+
+
+def _without_empty(A: sp.csr_array, rows: np.ndarray) -> sp.csr_array:
+    """Return A[rows] of those rows (m,) that have entries, all of them, without a copy of the entries."""
+    return sp.csr_array((A.data, A.indices, np.append(A.indptr[rows], A.indptr[-1:])), shape=(len(rows), A.shape[1]))
 
 
 def pieces(V: Columns) -> Iterator[np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from skfem.quadrature import get_quadrature
 
-from ..eigen.blocks import form, lift, pieces, with_short_indices
+from ..eigen.blocks import lift, pieces, projected, with_short_indices
 from ..eigen.columns import Columns
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
@@ -69,7 +69,7 @@ class ModeDescriber:
     def on(self, V: Columns) -> ModeDescriber:
         """Return the describer of shapes V y that takes their coordinates y, for a basis V (n, r) float."""
         forms = self.along, self.nodal
-        along, nodal = ({name: form(V, A, V) for name, A in of.items()} for of in forms)
+        along, nodal = ({name: projected(V, A, 1) for name, A in of.items()} for of in forms)
         sampled = None
         if self.harmonics is not None:
             sampled = np.concatenate([self._spectra(X) for X in pieces(V)], axis=2).reshape(-1, V.shape[1])

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
 import scipy.sparse as sp
 
-from ..eigen.blocks import form
+from ..eigen.blocks import projected
 from ..eigen.columns import Columns
 from ..eigen.pencil import FreeMotions
 from ..errors import SceneError
 from .parameters import paths_of
 from .problem import Problem
 from .terms import Slot, Term, sum_terms
-
-_SPARSE = 0.1  # of all rows: a term that acts in fewer is multiplied in these rows alone
 
 
 def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Problem:
@@ -88,8 +85,6 @@ def project(problem: Problem, V: Columns) -> Problem:
     none = FreeMotions.none(V.shape[1])
     terms = []
     for t in problem.terms:
-        A, here, rows = t.matrix, V, np.flatnonzero(np.diff(t.matrix.indptr))
-        if len(rows) < _SPARSE * len(V):  # springs and contacts have few
-            A, here = sp.csr_array(A[rows]), V[rows]
-        terms.append(replace(t, matrix=sp.csr_array(form(here, A, V))))
+        sign = 1 if t.symmetric else -1 if t.skew else 0
+        terms.append(replace(t, matrix=sp.csr_array(projected(V, t.matrix, sign))))
     return Problem(tuple(terms), problem.parameters, free=lambda _: none)

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from fe_squeal.eigen import blocks
-from fe_squeal.eigen.blocks import combine, cross, cross_in, lift, put_combined, times
+from fe_squeal.eigen.blocks import combine, cross, cross_in, lift, projected, put_combined, times
 from fe_squeal.eigen.columns import LocalStore
 
 
@@ -41,6 +41,25 @@ def test_products_in_some_rows(k, order):
         found = cross_in(X, chosen, Y[some], Y[some] + 1j)
         for product, block in zip(found, (Y[some], Y[some] + 1j), strict=True):
             np.testing.assert_allclose(product, X[some].T @ block, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [40, blocks._TALL + 7])
+@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+@pytest.mark.parametrize("sign", [-1, 0, 1])
+@pytest.mark.usefixtures("threads")
+def test_matrices_are_projected_in_the_rows_in_which_they_act(n, share, sign):
+    """Of symmetric and skew-symmetric ones half the products are formed, and mirrored."""
+    rng = np.random.default_rng(11)
+    V = np.asarray(rng.standard_normal((n, blocks._PIECE + 6)), order="F")
+    rows = np.sort(rng.choice(n, int(share * n), replace=False))
+    diagonals = rng.standard_normal(len(rows)), rng.standard_normal(len(rows) - 1)
+    A = sp.diags_array(diagonals, offsets=[0, 1]).tocsr()
+    A = A + sign * A.T if sign else A
+    place = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(n, len(rows)))
+    A = sp.csr_array(place @ A @ place.T)
+    A.eliminate_zeros()
+    found, expected = projected(V, A, sign), V.T @ (A @ V)
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.usefixtures("threads")
