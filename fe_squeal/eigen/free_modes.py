@@ -15,6 +15,8 @@ from .pencil import FreeMotions, Pencil
 
 _CANCELLED = 64 * ROUNDING  # a sum this small beside the sizes of its parts is zero but for rounding
 _WITHOUT_MASS = 1e-12  # times the largest mass of a motion: a motion with less counts as one without mass
+_UNCLEAR = 1e-6  # of the same: smaller damping of a motion may be what the other motions in it are damped by
+_SEED = 20261129
 _TOGETHER = 1e-9  # relative distance of eigenvalues that count as one
 _DEFECTIVE = 1e6  # condition of eigenvectors beyond which their matrix counts as defective
 
@@ -34,7 +36,7 @@ class FreeModes:
     lam : (m,) complex, rad/s
         k zeros for the k motions, and the ν with Im ν ≥ 0.
     right, left : (n, m)
-        Their modes, not scaled.
+        Their modes, not scaled; the left ones of a double λ = 0 are zero, since ψᴴCφ = 0.
     states, adjoint_states : pairs of (n, s)
         Columns that span the invariant states of all these eigenvalues, of the problem and of the adjoint one.
     closed : (n, c)
@@ -107,7 +109,11 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
     own = _closed(pencil, Z[:, :massive], CZ[:, :massive])
     closed, drift, nu, x, y = _own_decay(pencil, *own, rounding, linear_solver)
     # Motions that damping does not hold either, from both sides: each begins a Jordan chain.
-    gram, rounding = W.conj().T @ CZ, _CANCELLED * float(la.norm(amplitudes(W, d).T @ sizes))
+    gram, whole = W.conj().T @ CZ, float(la.norm(amplitudes(W, d).T @ sizes))
+    rounding = _CANCELLED * whole
+    held = la.svdvals(gram)
+    if ((held > rounding) & (held < _UNCLEAR * whole)).any():
+        rounding += _blur(pencil, ground, Z, W)
     loose, loose_left = null_columns(gram, rounding), null_columns(gram.conj().T, rounding)
     forces, forces_left = CZ @ loose, _without_rounding(pencil.C.T, W @ loose_left, d)
     pushed, pushed_left = ground.pushed(-forces), ground.pushed(-forces_left, adjoint=True)
@@ -115,9 +121,32 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
     adjoint = _side_by_side([(W, 0 * W), (pushed_left, W @ loose_left), *_real_span(y, nu.conj())])
     upper = nu.imag >= 0
     lam = np.concatenate([np.zeros(k), nu[upper]])
-    right, left = np.hstack([Z, x[:, upper]]), np.hstack([W, y[:, upper]])
+    last, last_left = (_last(U, N) for U, N in ((Z, loose), (W, loose_left)))
+    last_left[:, k - loose.shape[1] :] = 0.0  # rounding in ψᴴCφ, which is zero, would scale them
+    right, left = np.hstack([last, x[:, upper]]), np.hstack([last_left, y[:, upper]])
     accounted = 2 * closed.shape[1] - len(nu)  # each closed motion is a mode of 0 and one of some ν, or twice of 0
     return FreeModes(lam, right, left, states, adjoint, closed, drift, k + loose.shape[1] - accounted)
+
+
+def _last(U: np.ndarray, N: np.ndarray) -> np.ndarray:
+    """Return columns that span what U (n, k) does, of which the last ones are U N, N (k, m) orthonormal, or span it."""
+    if N.shape[1] in (0, len(N)):
+        return U.copy()
+    return np.hstack([U @ la.null_space(N.conj().T), U @ N])
+
+
+def _blur(pencil: Pencil, ground: Ground, Z: np.ndarray, W: np.ndarray) -> float:
+    """Return how far rounding in K Z and WᴴK may move WᴴC Z, where other motions are far softer than K is stiff.
+
+    Z is off by what is held by the forces of that rounding, of random signs.
+    """
+    assert pencil.C is not None
+    rng, moved = np.random.default_rng(_SEED), []
+    for U, adjoint in ((Z, False), (W, True)):
+        forces = abs(pencil.K) @ np.abs(U) * rng.choice([-1.0, 1.0], U.shape)
+        moved.append(ground.pushed(_CANCELLED * forces, adjoint))
+    right, left = moved
+    return float(la.norm(W.conj().T @ (pencil.C @ right)) + la.norm(left.conj().T @ (pencil.C @ Z)))
 
 
 def _without_rounding(C: sp.csr_array, Z: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -105,7 +105,7 @@ class KnownBand:
             known = len(self.found)
             low, high = self._around(a, b, share)
             if not low < high:
-                if b > 2 * _SLIVER * self.top:
+                if b > 2 * _SLIVER * max(self.top, end):
                     todo += [((a + b) / 2, b, share / 2), (a, (a + b) / 2, share / 2)]
                 else:  # overdamped modes crowd at zero, and nothing that stands apart is nearer
                     self.near = max(self.near, b)

@@ -28,7 +28,7 @@ def collect_powers(problem: Problem, parameter: str | tuple[str, ...]) -> Proble
 
     Examples
     --------
-    >>> one = sp.csr_array(np.eye(2))
+    >>> one = sp.eye_array(2, format="csr")
     >>> terms = (Term("m", "M", one, True), Term("k", "K", one, True), Term("spring", "K", one, True, {"s": 1}))
     >>> problem = Problem((*terms, Term("other", "K", one, True, {"s": 1})), {"s": 3.0})
     >>> [(t.name, float(t.matrix[0, 0])) for t in collect_powers(problem, "s").terms]

@@ -99,6 +99,8 @@ class SampledErrors(Projection):
         sums = self._cancels * np.einsum("l,lj,lj->j", self._weights(), size_at, other)
         with np.errstate(divide="ignore", invalid="ignore"):
             rounding = ROUNDING * np.fmin(sums / slope, np.sqrt(sums / (ROUNDING * mass)))
+        exact = ~modes.left.any(axis=0)  # the double λ = 0 of motions that nothing holds or damps
+        error, rounding = np.where(exact, 0.0, error), np.where(exact, 0.0, rounding)
         residual, whole = np.linalg.norm(rho[SAMPLES:], axis=0), self._cancels * np.linalg.norm(size_at, axis=0)
         backward = np.divide(residual, whole, out=np.zeros_like(whole), where=whole > 0)  # 0 where nothing acts
         return error, backward, condition, rounding

@@ -140,6 +140,27 @@ def test_ring_waves_in_its_plane_split_by_coriolis_too():
         assert forward - backward == pytest.approx(2 * n * speed * (n**2 - 1) / (n**2 + 1), rel=5e-4)
 
 
+@pytest.mark.parametrize("rounding", [1e-16, 1e-15])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_rounding_does_not_hold_motions_that_nothing_holds(rounding, seed):
+    """A ring is so soft that rounding in K Z turns Z by 1e-7, which gyroscopic forces on the rest of it then see."""
+    it, rng = ring(), np.random.default_rng(seed)
+    G, K = it.gyroscopic(about_z(20.0))
+
+    def rounded(A, sign):
+        B = sp.csr_array(A)
+        B.data = B.data * (1 + rounding * rng.standard_normal(B.nnz))
+        return sp.csr_array((B + sign * B.T) / 2)
+
+    exact = solve(it, 20, K, G)
+    M, C, K = rounded(it.M, 1), rounded(G, -1), rounded(it.K + K, 1)
+    found = solve_modes(Pencil(M, K, C), Request(count=20))
+    assert np.count_nonzero(found.lam == 0) == np.count_nonzero(exact.lam == 0) == 3
+    swings = exact.lam.imag > 100
+    np.testing.assert_allclose(found.lam.imag[: len(exact)][swings], exact.lam.imag[swings], rtol=1e-8)
+    assert found.re_uncertainty[: len(exact)][swings].max() < 10 * exact.re_uncertainty[swings].max() < 0.1
+
+
 @pytest.mark.parametrize(
     ("held", "kind"),
     some([((), "beta"), (("hub",), "beta"), ((), "alpha")], lambda held, kind: not held and kind == "beta"),
