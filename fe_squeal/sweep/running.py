@@ -255,7 +255,7 @@ class RunningSweep:
         for between in self._scale.filled(self._values, CHECKED).tolist():
             if self._value < between < value:
                 found = self._solve(between)
-                if _at_rest(found) <= max(_at_rest(self._previous), _at_rest(modes)):
+                if _nearly_at_rest(found) <= max(_nearly_at_rest(m) for m in (self._previous, modes)):
                     self._follow(between, found, _REFINEMENTS)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
@@ -305,7 +305,7 @@ class RunningSweep:
         assert self._previous is not None
         middle = self._scale.middle(self._value, value)
         found = self._solve(middle)
-        if _at_rest(found) > max(_at_rest(self._previous), _at_rest(modes)):
+        if _nearly_at_rest(found) > max(_nearly_at_rest(m) for m in (self._previous, modes)):
             middle = self._scale.middle(self._value, middle)
             found = self._solve(middle)
         return middle, found
@@ -372,6 +372,11 @@ def _have_copies(lam: np.ndarray) -> np.ndarray:
 def _at_rest(modes: Modes) -> int:
     """Return how many modes have λ = 0: free motions, and those at the edge of divergence."""
     return int(np.count_nonzero(modes.lam == 0))
+
+
+def _nearly_at_rest(modes: Modes) -> int:
+    """Return the same with those whose λ may be zero but for its uncertainty."""
+    return int(np.count_nonzero(np.abs(modes.lam) <= modes.re_uncertainty))
 
 
 def _growing(modes: Modes) -> int:

@@ -277,7 +277,7 @@ def test_errors_of_a_reduced_model_where_a_stiffness_is_swept(tolerance):
         assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty < 0.01
 
 
-@pytest.mark.parametrize("parts", [1, 2])
+@pytest.mark.parametrize("parts", [1, 2, 4])
 @pytest.mark.parametrize("method", ["direct", "reduced"])
 def test_waves_that_meet_on_the_axis(method, parts):
     """M = 1, G = 2 [[0, 1], [−1, 0]], K = diag(1.05 − p, 1.25 − p): K is indefinite between 1.05 and 1.25; beyond, both
