@@ -27,7 +27,7 @@ longer than the limit of seconds says so. Each process has one thread, and its C
 shared with other work."""
 _LEAST = 0.05  # of a sweep's seconds: smaller parts are not named
 AIMED = """What was aimed at, the smallest ratio in each class, and what that sweep's seconds are spent on. What bounds
-it is in the last section, by profile: many decompositions of small matrices, and products and sums around them."""
+it is in the last section, by profile."""
 STAGES = {
     "reduction": "reduced model", "eigenvalues": "modes at values", "tracking": "tracking", "onsets": "onsets",
     "completeness": "count", "descriptors": "shares and sensitivities",

@@ -17,8 +17,9 @@ from .threads import thread_count
 
 _TALL = 5000  # rows from which the work of slicing them pays
 _ROWS = 2**15  # rows that are combined at once where all of them would be a copy of a large basis
-_FEW, _MANY = 0.1, 0.75  # of all rows: those of a basis in which a term acts are copied, and not copied
-_COPIED = 2**28  # bytes that they may take then
+# Of all rows: if a term acts in fewer than the first part, these rows of a basis are copied for its projection; if in
+# more than the second, never; between them if the copy takes at most so many bytes.
+_FEW, _MANY, _COPIED = 0.1, 0.75, 2**28
 _PIECE = 64  # vectors that are multiplied at once: products of all of them may not fit into memory
 _Part = TypeVar("_Part")
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from .free_modes import FreeModes, States
+from .multiple import real_span
 from .pencil import Modes, Pencil
 from .quality import eigenvalue_errors, in_upper_half, modes_from_lambda
 
@@ -58,7 +59,7 @@ class FoundPairs:
         """
         lam = np.where(np.abs(lam.imag) <= _ROUNDING * np.abs(lam), lam.real, lam)
         if not self.pencil.is_complex:
-            right, left = (_with_real_vectors(lam, u) for u in (right, left))
+            right, left = (_with_real_vectors(self.pencil, lam, u) for u in (right, left))
         errors = eigenvalue_errors(self.pencil, lam, right, left)
         if self.right is None or self.left is None:
             self.lam, self.right, self.left, self._errors = lam, right, left, errors
@@ -131,22 +132,19 @@ class FoundPairs:
         return modes_from_lambda(self.pencil, lam, right, left, "")
 
 
-def _with_real_vectors(lam: np.ndarray, u: np.ndarray) -> np.ndarray:
+def _with_real_vectors(pencil: Pencil, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return vectors u (n, k) of a real pencil, in which those of real eigenvalues lam (k,) are real but for factors.
 
     Where several eigenvalues are equal, rounding may part two of them into λ ± iε with conjugate vectors. These have
-    the same real part; real vectors that span what all of the equal ones do take their place.
+    the same real part; real vectors that span what all of the equal ones do take their place, as far as they differ.
     """
     real = np.flatnonzero((lam.imag == 0) & (lam != 0))
-    own = u[:, real]
-    turned = own / own[np.abs(own).argmax(axis=0), np.arange(len(real))]
-    mixed = np.abs(turned.imag).max(axis=0, initial=0.0) > _REAL
-    if not mixed.any():
-        return u
-    u = u.copy()
-    for value in np.unique(lam[real[mixed]]):
-        same = np.flatnonzero((lam.imag == 0) & (np.abs(lam - value) <= SAME * np.abs(value)))
-        parts = turned[:, np.isin(real, same)]
-        parts = np.hstack([parts.real, parts.imag]) / np.tile(np.linalg.norm(parts, axis=0), 2)
-        u[:, same] = np.linalg.svd(parts, full_matrices=False)[0][:, : len(same)]
+    turned = u[:, real] / u[np.abs(u[:, real]).argmax(axis=0), real]
+    mixed = real[np.abs(turned.imag).max(axis=0, initial=0.0) > _REAL]
+    u = u.copy() if len(mixed) else u
+    for value in np.unique(lam[mixed]):
+        same = real[np.abs(lam[real] - value) <= SAME * np.abs(value)]
+        span = real_span(pencil, u[:, same])
+        if span.shape[1] >= len(same):
+            u[:, same] = span[:, : len(same)]
     return u

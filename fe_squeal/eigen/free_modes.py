@@ -15,7 +15,9 @@ from .pencil import FreeMotions, Pencil
 
 _CANCELLED = 64 * ROUNDING  # a sum this small beside the sizes of its parts is zero but for rounding
 _WITHOUT_MASS = 1e-12  # times the largest mass of a motion: a motion with less counts as one without mass
-_UNCLEAR = 1e-6  # of the same: smaller damping of a motion may be what the other motions in it are damped by
+# Of the sizes of the parts of WᴴC Z: where less is left, it may be damping of other motions, a little of which rounding
+# has mixed into Z.
+_UNCLEAR = 1e-6
 _SEED = 20261129
 _TOGETHER = 1e-9  # relative distance of eigenvalues that count as one
 _DEFECTIVE = 1e6  # condition of eigenvectors beyond which their matrix counts as defective
@@ -36,7 +38,7 @@ class FreeModes:
     lam : (m,) complex, rad/s
         k zeros for the k motions, and the ν with Im ν ≥ 0.
     right, left : (n, m)
-        Their modes, not scaled; the left ones of a double λ = 0 are zero, since ψᴴCφ = 0.
+        Their modes, not scaled; with damping the left ones of a double λ = 0 are zero, since ψᴴCφ = 0.
     states, adjoint_states : pairs of (n, s)
         Columns that span the invariant states of all these eigenvalues, of the problem and of the adjoint one.
     closed : (n, c)
@@ -129,16 +131,16 @@ def split_off(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> Fre
 
 
 def _last(U: np.ndarray, N: np.ndarray) -> np.ndarray:
-    """Return columns that span what U (n, k) does, of which the last ones are U N, N (k, m) orthonormal, or span it."""
+    """Return columns that span what U (n, k) does, the last m of them what U N does, N (k, m) orthonormal."""
     if N.shape[1] in (0, len(N)):
         return U.copy()
     return np.hstack([U @ la.null_space(N.conj().T), U @ N])
 
 
 def _blur(pencil: Pencil, ground: Ground, Z: np.ndarray, W: np.ndarray) -> float:
-    """Return how far rounding in K Z and WᴴK may move WᴴC Z, where other motions are far softer than K is stiff.
+    """Return how far WᴴC Z may be off because Z and W are known only as far as rounding in K Z and WᴴK allows.
 
-    Z is off by what is held by the forces of that rounding, of random signs.
+    Forces of the size of that rounding, with random signs, move the soft motions of K: by that much Z may be off.
     """
     assert pencil.C is not None
     rng, moved = np.random.default_rng(_SEED), []

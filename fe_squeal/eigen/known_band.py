@@ -43,7 +43,7 @@ _SLOWEST = 1e-5  # of the highest frequency: slower growth is not looked for in 
 # reach the left half plane only where those on the axis cover it.
 _ASLANT, _ASLANT_RADIUS, _ASLANT_NEXT = 0.535, 0.608, 0.2
 _FAR = 8.0  # of a rate: growth up to here is looked for around one shift
-_BLOCKS = 16  # blocks of equal modes that grow, which are looked for one after the other
+_BLOCKS = 16  # searches, each with what is known taken out, where the first one in a disc has found nothing for sure
 _FARTHER = 5  # such searches, each beyond the last one
 _FEW = 40  # modes beside the known ones that are looked for in the whole band
 # Of a frequency: where the ray of `LIGHT` leaves the circle around `BEHIND`, or around a shift a little

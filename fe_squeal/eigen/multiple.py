@@ -75,7 +75,7 @@ def separated(
     gone, found = [], []
     for group in groups:
         values = np.zeros(1) if zero[group[0]] else lam[group].real
-        Z, W = _real_span(pencil, right[:, group]), _real_span(pencil, left[:, group])
+        Z, W = real_span(pencil, right[:, group]), real_span(pencil, left[:, group])
         count = min(Z.shape[1], W.shape[1])
         values = np.repeat(values, count).astype(complex)
         Z, W = Z[:, :count], W[:, :count]
@@ -111,7 +111,7 @@ def separated_divergences(
     theta, right, left = theta.copy(), right.copy(), left.copy()
     for i in np.flatnonzero(split):
         pair = np.array([i, np.abs(theta - theta[i].conj()).argmin()])
-        Z, W = _real_span(pencil, right[:, [i]]), _real_span(pencil, left[:, [i]])
+        Z, W = real_span(pencil, right[:, [i]]), real_span(pencil, left[:, [i]])
         same = theta[pair[1]].imag < 0 and np.abs(theta[pair[1]].conj() - theta[i]) <= _EQUAL * np.abs(theta[i])
         lam = np.sqrt(np.full(2, -theta[i].real))
         if same and Z.shape[1] == W.shape[1] == 2 and _are_modes(pencil, lam, Z, W):
@@ -127,7 +127,7 @@ def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndar
     )
 
 
-def _real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
+def real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
     """Return real vectors, orthonormal by mass, that span complex ones; those that carry most of them come first."""
     x = unit_mass(pencil, x)
     parts = np.hstack([x.real, x.imag])
