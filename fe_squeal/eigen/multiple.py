@@ -128,7 +128,7 @@ def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndar
 
 
 def real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
-    """Return real vectors, orthonormal by mass, that span complex ones; those that carry most of them come first."""
+    """Return real (n, m), orthonormal by mass, that span complex x (n, k); those that carry most of them come first."""
     x = unit_mass(pencil, x)
     parts = np.hstack([x.real, x.imag])
     w, v = np.linalg.eigh(parts.T @ (pencil.M @ parts))
