@@ -35,6 +35,7 @@ _FEW, _FEW_OF_ASKED = 0.1, 0.3
 # Eigenvalues larger than _HUGE, in units of ω0, with a backward error above SOLVES are what rounding makes of infinite
 # ones, or of several equal penalties; they are dropped.
 _HUGE = 1e4
+_AT_REST, _DOUBTFUL = 1e-6, 1e-10  # of ω0: slower modes may be free motions; backward error of one that is no mode
 
 _Pairs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # as `Pairs`, with their errors (k,)
 
@@ -61,6 +62,16 @@ def solve_dense(
     >>> solve_dense(Pencil(sp.eye_array(2, format="csr"), K, symmetric=True)).lam.imag**2
     array([1., 3.])
     """
+    modes = _solved(pencil, highest, linear_solver, growing)
+    slow = np.abs(modes.lam) <= _AT_REST * pencil.units[1]
+    if pencil.free is not None and (modes.backward_error[slow] > _DOUBTFUL).any():
+        # Stiffnesses may cancel at just these values of the parameters, and leave free what they hold at others.
+        return _solved(replace(pencil, free=None), highest, linear_solver, growing)
+    return modes
+
+
+def _solved(pencil: Pencil, highest: float, linear_solver: LinearSolver | str, growing: float | None) -> Modes:
+    """Return the modes as `solve_dense`, beside the free motions that are known."""
     d, omega0 = pencil.units
     free = split_off(pencil, linear_solver)
     pencil = pencil.dense()

@@ -13,7 +13,9 @@ _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple
 _ONE_SHAPE = 64 * ROUNDING  # squared sine of the angle between two modes below which they are one shape
 _SPANNING = 32  # of the modes near another one, those most alike: as many are looked at together, at little cost
 _NEARLY_REAL = 1e-6  # Im λ over |λ| up to which a complex pair may be two equal real eigenvalues, split by rounding
-_APART = 1e-6  # share of the squared lengths of vectors above which a direction is one of its own
+# Share of the squared lengths of vectors above which a direction is one of its own, and above which it may be one:
+# LAPACK's vectors of several equal eigenvalues may be nearly parallel.
+_APART, _PERHAPS = 1e-6, 1e-12
 _MARGIN = 64  # times the rounding of a single sum: what counts as rounding of several
 _EXACT = 1e-11  # backward error below which a single vector is a mode by itself
 
@@ -59,7 +61,8 @@ def separated(
 
     Rounding makes pairs a ± iδ of two equal real eigenvalues, of which the upper half plane holds one, and pairs ±δ or
     ±iδ of the one zero of a free body. The modes are spanned by the real and imaginary parts of the vectors, and there
-    are as many as these have independent directions. Only a defective pair, whose parts are no modes, stays as it is.
+    are as many as these have independent directions. Only what these do not solve as well stays as it is: a defective
+    pair, whose parts are no modes.
 
     Parameters
     ----------
@@ -74,12 +77,14 @@ def separated(
     groups += [np.array([i]) for i in np.flatnonzero(~zero & (lam.imag > 0) & (lam.imag <= _NEARLY_REAL * np.abs(lam)))]
     gone, found = [], []
     for group in groups:
-        values = np.zeros(1) if zero[group[0]] else lam[group].real
-        Z, W = real_span(pencil, right[:, group]), real_span(pencil, left[:, group])
+        at_rest = bool(zero[group[0]])
+        apart = _PERHAPS if at_rest else _APART
+        Z, W = real_span(pencil, right[:, group], apart), real_span(pencil, left[:, group], apart)
         count = min(Z.shape[1], W.shape[1])
-        values = np.repeat(values, count).astype(complex)
+        values = np.repeat(0.0 if at_rest else lam[group].real, count).astype(complex)
         Z, W = Z[:, :count], W[:, :count]
-        if count and (zero[group[0]] or (count == 2 and _are_modes(pencil, values, Z, W))):
+        least = max(_EXACT, _error(pencil, lam[group], right[:, group], left[:, group]) if at_rest else 0.0)
+        if count and (count == 2 or at_rest) and _error(pencil, values, Z, W) <= least:
             gone.append(group)
             found.append((values, Z, W))
     if not found:
@@ -114,25 +119,26 @@ def separated_divergences(
         Z, W = real_span(pencil, right[:, [i]]), real_span(pencil, left[:, [i]])
         same = theta[pair[1]].imag < 0 and np.abs(theta[pair[1]].conj() - theta[i]) <= _EQUAL * np.abs(theta[i])
         lam = np.sqrt(np.full(2, -theta[i].real))
-        if same and Z.shape[1] == W.shape[1] == 2 and _are_modes(pencil, lam, Z, W):
+        if same and Z.shape[1] == W.shape[1] == 2 and _error(pencil, lam, Z, W) <= _EXACT:
             theta[pair], right[:, pair], left[:, pair] = theta[i].real, Z, W
     return theta, right, left
 
 
-def _are_modes(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> bool:
-    adjoint = pencil.transposed()
-    return all(
-        np.linalg.norm(p.apply(lam, x)) <= _EXACT * np.linalg.norm(p.magnitude(lam, x))
-        for p, x in ((pencil, right), (adjoint, left))
-    )
+def _error(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> float:
+    """Return the backward error of modes, as of one matrix of vectors, from the right or from the left."""
+    sides = (pencil, lam, right), (pencil.transposed(), lam.conj(), left)
+    return max(float(np.linalg.norm(p.apply(v, x)) / (np.linalg.norm(p.magnitude(v, x)) or 1.0)) for p, v, x in sides)
 
 
-def real_span(pencil: Pencil, x: np.ndarray) -> np.ndarray:
-    """Return real (n, m), orthonormal by mass, that span complex x (n, k); those that carry most of them come first."""
+def real_span(pencil: Pencil, x: np.ndarray, apart: float = _APART) -> np.ndarray:
+    """Return real (n, m), orthonormal by mass, that span complex x (n, k); those that carry most of them come first.
+
+    Directions with a smaller share of the squared lengths than `apart` count as rounding.
+    """
     x = unit_mass(pencil, x)
     parts = np.hstack([x.real, x.imag])
     w, v = np.linalg.eigh(parts.T @ (pencil.M @ parts))
-    keep = np.flatnonzero(w > _APART * w.max())[::-1] if w.max() > 0 else np.zeros(0, int)
+    keep = np.flatnonzero(w > apart * w.max())[::-1] if w.max() > 0 else np.zeros(0, int)
     return np.asarray(parts @ (v[:, keep] / np.sqrt(w[keep])))
 
 

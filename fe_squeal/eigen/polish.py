@@ -16,6 +16,10 @@ ACCURATE = 1e-12  # backward error, some thousand roundings: a pair with a large
 # LAPACK's error is that of the largest eigenvalue, to which the stiffest and lightest unknowns raise it.
 _ROUNDING, _MOVED = 1e-15, 1e-8
 _STEPS = 3
+# Eigenvalues that are equal up to _EQUAL, or up to their errors, are polished together where one alone has no room. The
+# steps are made beside them, at these parts of their size or, if that is less, of the room to others: no pivot is all
+# rounding there, and what a step leaves wrong in vectors, by the square of its part, comes to rounding.
+_EQUAL, _ASIDE = 1e-6, (1e-4, 1e-6, 1e-8)
 
 
 def equilibrate(M: sp.csr_array, C: sp.csr_array | None, K: sp.csr_array) -> tuple[np.ndarray, float]:
@@ -80,7 +84,7 @@ def polish_pairs(
     """Return the pairs with the inaccurate ones improved by inverse iteration with the Rayleigh quotient of both sides.
 
     A result counts only where it lies within a quarter of the distance to the next eigenvalue, so that no two pairs
-    run into one.
+    run into one. That leaves a multiple eigenvalue no room: all its vectors are improved together.
 
     Parameters
     ----------
@@ -107,15 +111,66 @@ def polish_pairs(
             v[i], x[:, i], y[:, i], error[i] = *pair, now
             if now <= ACCURATE / 10:
                 break
+    for i in np.flatnonzero(~(error <= ACCURATE)):
+        equal = max(_EQUAL * np.abs(start[i]), min(error[i], _EQUAL))  # entries are of order one
+        group = np.flatnonzero(np.abs(start - start[i]) <= equal)
+        if len(group) > 1 and not error[i] <= ACCURATE:  # not improved together with another one before
+            better = _polished_together(A, start, group, x[:, group], y[:, group])
+            if better is not None and better[3].max() < error[group].max():
+                v[group], x[:, group], y[:, group], error[group] = better
     return v, x, y
 
 
 def _step(
     A: Sequence[np.ndarray], v: complex, x: np.ndarray, y: np.ndarray
 ) -> tuple[complex, np.ndarray, np.ndarray]:
-    Q, slope = A[0], np.zeros_like(A[0])
-    for j, Aj in enumerate(A[1:], 1):
-        Q, slope = Q + Aj * v**j, slope + j * Aj * v ** (j - 1)
+    x, y = _iterated(A, v, x[:, None], y[:, None])
+    Q, slope = _matrices(A, v)
+    with np.errstate(all="ignore"):
+        x, y = (z[:, 0] / np.linalg.norm(z) for z in (x, y))
+        return v - np.vdot(y, Q @ x) / np.vdot(y, slope @ x), x, y
+
+
+def _polished_together(
+    A: Sequence[np.ndarray], start: np.ndarray, group: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the m nearly equal eigenvalues `group`, vectors (n, m) and errors (m,); None without success.
+
+    The vectors are iterated from beside the mean v of the eigenvalues. In the spaces X, Y that they span these are
+    v + δ with (YᴴQ(v)X + δ YᴴQ'(v)X) a = 0, but for δ². Where all δ are one but for rounding, any basis of X and of Y
+    is one of vectors.
+    """
+    middle, room = start[group].mean(), np.abs(np.delete(start, group)[:, None] - start[group]).min(initial=np.inf) / 4
+    is_real = not start[group].imag.any() and not any(np.iscomplexobj(Aj) for Aj in A)
+    if is_real:
+        middle, x, y = middle.real, x.real, y.real
+    best = None
+    for part in _ASIDE:
+        x, y = _iterated(A, middle + part * min(room, abs(middle) or 1.0), x, y)
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            break
+        x, y = (la.qr(z, mode="economic")[0] for z in (x, y))
+        Q, slope = _matrices(A, middle)
+        delta, b, a = la.eig(-y.conj().T @ Q @ x, y.conj().T @ slope @ x, left=True, right=True)
+        if not np.abs(delta).max() <= room:  # a defective eigenvalue has infinite ones
+            break
+        ways = [(np.full(len(group), delta.mean().real if is_real else delta.mean()), x, y)]
+        if not (is_real and delta.imag.any()):
+            ways.append((delta.real, x @ a.real, y @ b.real) if is_real else (delta, x @ a, y @ b))
+        for moved, right, left in ways:
+            found = middle + moved, right, left
+            errors = pair_errors(A, *found)
+            if best is None or errors.max() < best[3].max():
+                best = *found, errors
+            if errors.max() <= _ROUNDING:
+                return best
+        middle = middle + ways[0][0][0]
+    return best
+
+
+def _iterated(A: Sequence[np.ndarray], v: complex, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q(v)⁻¹Q'(v)x and its adjoint of y, for columns (n, m)."""
+    Q, slope = _matrices(A, v)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", la.LinAlgWarning)
         lu = la.lu_factor(Q, check_finite=False)
@@ -124,8 +179,15 @@ def _step(
         np.fill_diagonal(lu[0], np.where(pivots == 0, np.finfo(float).eps * np.abs(Q).max(), pivots))
         x = la.lu_solve(lu, slope @ x, check_finite=False)
         y = la.lu_solve(lu, slope.conj().T @ y, trans=2, check_finite=False)
-        x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
-        return v - np.vdot(y, Q @ x) / np.vdot(y, slope @ x), x, y
+        return x, y
+
+
+def _matrices(A: Sequence[np.ndarray], v: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q(v) and Q'(v)."""
+    Q, slope = A[0], np.zeros_like(A[0])
+    for j, Aj in enumerate(A[1:], 1):
+        Q, slope = Q + Aj * v**j, slope + j * Aj * v ** (j - 1)
+    return Q, slope
 
 
 def _backward_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray) -> np.ndarray:

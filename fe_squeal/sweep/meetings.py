@@ -104,8 +104,8 @@ def _change(samples: Samples, k: int, pairs: int, negative: int, limits: tuple[f
         chosen = upper[np.argsort(v[upper].imag)][:many]
     else:
         chosen = np.argsort(np.abs(v))[:many]
-    if not len(chosen):  # the modes at the end are unstable, those of H are not: take the one nearest to a double one
-        chosen = np.argsort(np.abs(v - v.mean()))[:1]
+    if not len(chosen):  # modes at the end are unstable, those of H are not: take the ones nearest to a double one
+        chosen = np.argsort(np.abs(v - v.mean()), kind="stable")[:many]
     each = int(np.sign(gains)) if gains else 0
     if pairs and negative:  # a pair becomes two negative θ, or the reverse
         each = gains

@@ -6,6 +6,8 @@ import csv
 import importlib
 import json
 import os
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -291,3 +293,23 @@ def test_superlu_by_the_scene_gives_the_same_modes(tmp_path, text, needs_pardiso
         # [solve] tolerance is 1e-8.
         lam = [complex(float(row["re"]), float(row["im"])) for row in (a, b)]
         assert abs(lam[0] - lam[1]) <= 1e-8 * abs(lam[0])
+
+
+@pytest.mark.skipif(not pardiso.has_pardiso(), reason="MKL is not there")
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_rows_without_entries_do_not_break_memory(symmetric):
+    """A solve with the adjoint of factors of such a matrix wrote beyond the end of memory, and the process died."""
+    text = f"""
+import numpy as np, scipy.sparse as sp
+from fe_squeal.eigen.linear.pardiso import PardisoFactor
+rng = np.random.default_rng(0)
+for n, empty in [(8, 4), (8, 7), (40, 20)] * 40:
+    diagonal = np.where(np.arange(n) < n - empty, 0.8, 0.0)[rng.permutation(n)]
+    A = sp.diags_array(diagonal).tocsr()
+    A.eliminate_zeros()
+    factor, b = PardisoFactor(A, {symmetric}), A @ rng.standard_normal(n)
+    for solve in (factor.solve, factor.solve_adjoint, factor.solve_transposed):
+        assert np.allclose(A @ solve(b), b)
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr[-2000:]

@@ -50,6 +50,25 @@ def _pardiso() -> Any:
     return routine
 
 
+def _with_every_row(A: sp.csr_array, symmetric: bool) -> sp.csr_array:
+    """Return A (n, n) with the zeros of its diagonal stored, where PARDISO needs them.
+
+    It asks for them in symmetric matrices. In others a row or a column without entries lets a solve with the adjoint
+    write beyond the end of its memory.
+    """
+    n = A.shape[0]
+    if symmetric:
+        first = A.indptr[:-1]
+        complete = A.indptr[-1] > first[-1] and bool((A.indices[first] == np.arange(n)).all())
+    else:
+        complete = bool((np.diff(A.indptr) > 0).all() and np.bincount(A.indices[: A.nnz], minlength=n).all())
+    if complete:
+        return A
+    coo, every = A.tocoo(), np.arange(n)
+    rows, columns = (np.append(own, every) for own in coo.coords)
+    return sp.csr_array((np.append(coo.data, np.zeros(n, A.dtype)), (rows, columns)), shape=A.shape)
+
+
 class PardisoFactor:
     """LU or LDLᵀ factors by PARDISO, in single precision if asked for.
 
@@ -66,7 +85,7 @@ class PardisoFactor:
         self.negative_pivots = None
         self._dtype = _KINDS[np.iscomplexobj(A), single]
         own = sp.csr_array(sp.triu(A, format="csr") if symmetric else A)
-        own = own if own.has_sorted_indices else own.sorted_indices()
+        own = _with_every_row(own if own.has_sorted_indices else own.sorted_indices(), symmetric)
         largest = largest_part(own) if single else 1.0
         # In single precision numbers end at 1e38 and fade below 1e-38.
         self._scale = 1.0 if 1 / RANGE < largest < RANGE else largest or 1.0
