@@ -20,7 +20,8 @@ _ONE_MODE = 1e-2  # of a frequency: onsets of one branch whose frequencies diffe
 def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
     """Return the largest relative error of a sweep according to its error bars; NaN where a bar is not known.
 
-    - "frequencies": the bar over the frequency, for all modes at all values.
+    - "frequencies": the bar over |λ|, for all modes at all values. Of a mode that is lightly damped |λ| is the
+      frequency. Near critical damping the frequency falls to zero, and any change of λ is large beside it.
     - "growth": for each branch at the value where it grows fastest, the bar over the largest growth rate of all
       branches, those that diverge without oscillating included. At other values growth may be small, and its error
       there is the error of the onset. A mode that does not grow on the mesh, but does by its extrapolated value, grows
@@ -52,7 +53,7 @@ def estimated_error(result: Sweep, kinds: Sequence[str] = KINDS) -> float:
         assert point.discretisation is not None
         lam, bar = point.modes.lam, point.discretisation
         swinging = lam.imag > 0
-        add("frequencies", (bar.imag / np.where(swinging, lam.imag, 1.0))[swinging], lam.imag[swinging])
+        add("frequencies", (bar.imag / np.where(swinging, np.abs(lam), 1.0))[swinging], lam.imag[swinging])
         growth = np.where(point.modes.stability == "unstable", lam.real, hidden_growth(point))
         for i in np.flatnonzero(growth > 0).tolist():
             branch, own = int(point.branches[i]), (float(growth[i]), float(bar[i].real), float(lam[i].imag))

@@ -32,8 +32,8 @@ class Split:
     kinds : tuple of str
         One of `KINDS` for each quantity.
     scales : (q,) float
-        What the change of each quantity is relative to: the frequency (rad/s), the largest growth rate (1/s), or the
-        critical value (in the unit of the parameter).
+        What the change of each quantity is relative to, see `estimated_error`: |λ| (rad/s), the largest growth rate
+        (1/s), or the critical value (in the unit of the parameter).
     parts : (q, m, a) float
         What element j adds along its axis i to the change of each quantity, in the unit of its scale. Hexahedra have
         three axes; tetrahedra have a = 1, since they have no axes to tell apart.
@@ -143,7 +143,7 @@ def _asked(result: Sweep, refined: Refined, value: float, modes: Modes, onsets: 
                 continue
             told = f"{lam.imag / (2 * np.pi):.5g} Hz{name}" if lam.imag else f"a divergence{name}"
             if lam.imag > 0:
-                asked.append(_Asked(f"frequency {told}", "frequencies", lam.imag, k, -1j / turn[k]))
+                asked.append(_Asked(f"frequency {told}", "frequencies", abs(lam), k, -1j / turn[k]))
             if fastest and unstable[k] and lam.real > SLOW * fastest:
                 asked.append(_Asked(f"growth of {told}", "growth", fastest, k, 1 / turn[k]))
     for onset in onsets:

@@ -89,8 +89,8 @@ class Errors:
     Attributes
     ----------
     frequency : float
-        Error of the frequencies at the first value of the sweep, for all modes up to 0.8 of the highest frequency. A
-        mode that is not found counts as an error of 1.
+        Error of the frequencies at the first value of the sweep relative to |λ|, for all modes up to 0.8 of the highest
+        frequency. A mode that is not found counts as an error of 1.
     growth : float
         Error of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
     onset : float
@@ -140,7 +140,7 @@ def reference_of(m: Measurement) -> Reference:
     )  # fmt: skip
     scales = np.array([onset_scale(value, m.values) for value in onsets[:, 0]])
     relative = (
-        bars.imag[reference.counted] / lam.imag[reference.counted],
+        (bars.imag / np.abs(lam))[reference.counted],
         last_bars.real[reference.growing] / max(last.real[reference.growing].max(initial=0.0), np.finfo(float).tiny),
         (m.likely_onsets[:, 1] / scales)[reference.counted_onsets[: len(found)]],
     )
@@ -178,7 +178,7 @@ def errors_of(m: Measurement, reference: Reference) -> Errors:
     same = same_modes(reference.shapes, reference.lam, m.first, m.lam[0, :k])
     counted = np.flatnonzero(reference.counted & reference.known)
     frequency = [
-        abs(m.lam[0, same[i]].imag - reference.lam[i].imag) / reference.lam[i].imag if i in same else 1.0
+        abs(m.lam[0, same[i]].imag - reference.lam[i].imag) / abs(reference.lam[i]) if i in same else 1.0
         for i in counted.tolist()
     ]
     growth = _growth_error(m, last, reference)

@@ -119,7 +119,11 @@ class Rotation(Effect):
                 f"rotating_damping.{body.name}", (motion.way, Same(elastic.matrix)),
                 lambda: circulatory_matrices(context.space, body.elements, elastic.matrix, 1.0, unit),
             )  # fmt: skip
-            terms += rotating_damping_terms(body.name, body.material_path, motion, elastic, damped, circulatory)
+            terms += context.cache.get(
+                f"rotating_damping_terms.{body.name}",
+                (*_speed(motion), Same(circulatory), Same(elastic), repr(damped)),
+                lambda: rotating_damping_terms(body.name, body.material_path, motion, elastic, damped, circulatory),
+            )  # fmt: skip
         return terms
 
     def terms(self, context: Context) -> list[Term]:
@@ -180,7 +184,15 @@ def _inertia_terms(context: Context, body: BodyPart, motion: SteadyMotion) -> li
         f"rotation.{body.name}", motion.way,
         lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit_rotation(motion)),
     )  # fmt: skip
-    return rotation_terms(body.name, body.material_path, motion, inertia)
+    return context.cache.get(
+        f"rotation_terms.{body.name}", (*_speed(motion), Same(inertia)),
+        lambda: rotation_terms(body.name, body.material_path, motion, inertia),
+    )  # fmt: skip
+
+
+def _speed(motion: SteadyMotion) -> tuple[float, ...]:
+    """Return the angular velocity as part of a key: terms that are equal are the same ones."""
+    return tuple(motion.velocity.tolist())
 
 
 def rotation_terms(

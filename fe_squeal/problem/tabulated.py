@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Never
@@ -12,7 +13,7 @@ from ..eigen.pencil import FreeMotions
 from .forms import collect_powers
 from .parameters import paths_of
 from .problem import Problem
-from .terms import Term
+from .terms import Slot, Term, sum_matrices
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,14 @@ class Tabulated(Problem):
         The parameter.
     known : mapping of float to FreeMotions
         The values that are there, each with the motions that nothing holds at it.
+    first : Problem
+        The problem itself at the first of them.
     """
 
     whole: Problem = field(kw_only=True, repr=False)
     swept: str = field(kw_only=True)
     known: Mapping[float, FreeMotions] = field(kw_only=True, repr=False)
+    first: Problem = field(kw_only=True, repr=False)
 
     @classmethod
     def of(cls, problem: Problem, parameter: str, value: float) -> Tabulated:
@@ -46,11 +50,12 @@ class Tabulated(Problem):
         SceneError, NotConvergedError
             As `Problem.at`.
         """
-        here = collect_powers(problem.at({parameter: value}), ())
+        first = problem.at({parameter: value})
+        here = collect_powers(first, ())
         known = {value: here.free_motions()}
         return cls(
             here.terms, dict.fromkeys(paths_of(parameter), value), free=_free(known, parameter), whole=problem,
-            swept=parameter, known=known,
+            swept=parameter, known=known, first=first,
         )  # fmt: skip
 
     def at(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Problem:
@@ -69,23 +74,19 @@ class Tabulated(Problem):
         SceneError, NotConvergedError
             As `Problem.at`.
         """
-        there = collect_powers(self.whole.at({self.swept: value}), ())
-        path = paths_of(self.swept)[0]
-        before, now = ({kind_of(t): t for t in p} for p in ([t for t in self.terms if t.only is None], there.terms))
+        there, path = self.whole.at({self.swept: value}), paths_of(self.swept)[0]
         more = []
-        for kind in dict.fromkeys([*before, *now]):
-            old, new = before.get(kind), now.get(kind)
-            like = new or old
-            assert like is not None
-            A = _difference(None if new is None else new.matrix, None if old is None else old.matrix)
-            if A.nnz:
-                name, skew = f"{like.name} at {value:g}", all(t.skew for t in (new, old) if t is not None)
-                more.append(Term(name, like.slot, A, like.symmetric, {}, skew, like.imaginary, only={path: value}))
+        for (slot, symmetric, imaginary), changes in _changes(self.first, there).items():
+            A = sum_matrices((matrix, 1.0) for matrix, _ in changes)
+            if A is not None and A.nnz:
+                skew = all(s for _, s in changes)
+                name = f"{slot}{'' if symmetric else 'n'}{'i' if imaginary else ''} at {value:g}"
+                more.append(Term(name, slot, A, symmetric, {}, skew, imaginary, only={path: value}))
         known = {**self.known, value: there.free_motions()}
         return replace(self, terms=(*self.terms, *more), free=_free(known, self.swept), known=known)
 
 
-def kind_of(term: Term) -> tuple[str, bool, bool]:
+def kind_of(term: Term) -> tuple[Slot, bool, bool]:
     """Return what distinguishes the terms that `collect_powers` makes of a problem at one place."""
     return term.slot, term.symmetric, term.imaginary
 
@@ -95,12 +96,43 @@ def _free(known: Mapping[float, FreeMotions], parameter: str) -> Callable[[Mappi
     return lambda values: known[values[path]]
 
 
-def _difference(new: sp.csr_array | None, old: sp.csr_array | None) -> sp.csr_array:
-    """Return new − old, where a matrix that is not there is zero; entries that are equal are no entries."""
+def _changes(first: Problem, there: Problem) -> dict[tuple[Slot, bool, bool], list[tuple[sp.csr_array, bool]]]:
+    """Return by how much terms of one problem differ from those of another, and whether they are skew, by their kind.
+
+    Terms are compared one by one: most are the same matrices at all values, and in others many entries are equal.
+    """
+    found: dict[tuple[Slot, bool, bool], list[tuple[sp.csr_array, bool]]] = {}
+    old, new = _by_name(first), _by_name(there)
+    for key in dict.fromkeys([*old, *new]):
+        for before, now in itertools.zip_longest(old.get(key, []), new.get(key, [])):
+            change = _difference(now, before)
+            if change is not None and change.nnz:
+                skew = all(part[0].skew for part in (before, now) if part is not None)
+                found.setdefault(key[1:], []).append((change, skew))
+    return found
+
+
+def _by_name(problem: Problem) -> dict[tuple[str, Slot, bool, bool], list[tuple[Term, float]]]:
+    """Return the terms that act, with their coefficients, by name and kind; several may have one name."""
+    found: dict[tuple[str, Slot, bool, bool], list[tuple[Term, float]]] = {}
+    for term in problem.terms:
+        if c := term.coefficient(problem.parameters):
+            found.setdefault((term.name, *kind_of(term)), []).append((term, c))
+    return found
+
+
+def _difference(new: tuple[Term, float] | None, old: tuple[Term, float] | None) -> sp.csr_array | None:
+    """Return new − old, where a term that is not there is zero; entries that are equal are no entries."""
     if new is None or old is None:
-        A = -old if new is None and old is not None else new
-        assert A is not None
-        return sp.csr_array(A)
-    A = sp.csr_array(new - old)
+        [(term, c)] = [part for part in (new, old) if part is not None]
+        return sp.csr_array(term.matrix * (c if old is None else -c))
+    if new[0].matrix is old[0].matrix:
+        c = new[1] - old[1]
+        return sp.csr_array(new[0].matrix * c) if c else None
+    A = sp.csr_array(_times(*new) - _times(*old))
     A.eliminate_zeros()
     return A
+
+
+def _times(term: Term, c: float) -> sp.csr_array:
+    return term.matrix if c == 1 else sp.csr_array(term.matrix * c)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
@@ -54,9 +53,10 @@ class Bisection:
         NotConvergedError
             The numbers at the two values do not differ by what the change gains, or all its copies.
         """
-        step, highest = self.step, 1.1 * self._highest(change)
+        # A mode that is slow where it changes may grow as fast elsewhere as the slowest ones there are.
+        step, highest = self.step, max(1.1 * self._highest(change), self._lowest())
 
-        def unstable(p: float, highest: float = highest) -> Modes:
+        def unstable(p: float) -> Modes:
             growing = self._growing(p, highest)
             u, _ = step.shapes(growing)
             return growing.select(np.flatnonzero(share_within(change.group, u, step.model.mass) > _WITHIN))
@@ -87,14 +87,13 @@ class Bisection:
         lam, growth, blur = complex(more.lam[last]), float(more.lam[last].real), float(more.re_uncertainty[last])
         value, into = (low + high) / 2, np.sign(change.gains) * np.sign(high - low)
         room = abs((change.limits[1] if change.gains > 0 else change.limits[0]) - value)
-        beyond = partial(unstable, highest=max(highest, self._lowest()))
-        if measured := self._beyond(beyond, value, into, room, lam):
+        if measured := self._beyond(unstable, value, into, room, lam):
             growing, aside, i = measured
         else:
             growing, aside, i, growth = more, abs(high - low), last, 0.0
         law = law_of(step, change)
         if change.kind == "crossing":
-            law = _law_by_growth(growing, i, beyond(value + into * aside / _NEARER))
+            law = _law_by_growth(growing, i, unstable(value + into * aside / _NEARER))
         if law == "parting":  # the mode grows on both sides
             growth, blur = 0.0, float(growing.re_uncertainty[i])
         # A mode counts as unstable only once Re λ exceeds its uncertainty, which is a little beyond the onset itself:

@@ -33,6 +33,7 @@ _INSIDE = 0.95  # of the highest frequency reported: an onset below this is repo
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
 _COPY = 1e-6  # of |λ|: two that are closer may be those of equal parts of a brake
+_SLOW = 1e-6  # of the largest |λ|, far above the square root of a rounding: what rounding has made of λ = 0 is smaller
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
 
@@ -255,7 +256,7 @@ class RunningSweep:
         for between in self._scale.filled(self._values, CHECKED).tolist():
             if self._value < between < value:
                 found = self._solve(between)
-                if _nearly_at_rest(found) <= max(_nearly_at_rest(m) for m in (self._previous, modes)):
+                if _at_rest(found) <= max(_at_rest(m) for m in (self._previous, modes)):
                     self._follow(between, found, _REFINEMENTS)
 
     def _follow(self, value: float, modes: Modes, refinements: int) -> None:
@@ -305,7 +306,7 @@ class RunningSweep:
         assert self._previous is not None
         middle = self._scale.middle(self._value, value)
         found = self._solve(middle)
-        if _nearly_at_rest(found) > max(_nearly_at_rest(m) for m in (self._previous, modes)):
+        if _at_rest(found) > max(_at_rest(m) for m in (self._previous, modes)):
             middle = self._scale.middle(self._value, middle)
             found = self._solve(middle)
         return middle, found
@@ -370,13 +371,12 @@ def _have_copies(lam: np.ndarray) -> np.ndarray:
 
 
 def _at_rest(modes: Modes) -> int:
-    """Return how many modes have λ = 0: free motions, and those at the edge of divergence."""
-    return int(np.count_nonzero(modes.lam == 0))
+    """Return how many modes have λ = 0 but for rounding: free motions, and those at the edge of divergence.
 
-
-def _nearly_at_rest(modes: Modes) -> int:
-    """Return the same with those whose λ may be zero but for its uncertainty."""
-    return int(np.count_nonzero(np.abs(modes.lam) <= modes.re_uncertainty))
+    Rounding of a stiffness moves λ = 0 by its square root. What is larger and as uncertain is so for another reason.
+    """
+    size = np.abs(modes.lam)
+    return int(np.count_nonzero(size <= np.minimum(modes.re_uncertainty, _SLOW * size.max(initial=0.0))))
 
 
 def _growing(modes: Modes) -> int:

@@ -24,6 +24,16 @@ def test_modes_are_paired_by_shape():
     assert same_modes(three, lam, three[:, [1, 0, 2]], np.array([101j, 109j, 202j])) == {0: 1, 1: 0, 2: 2}
 
 
+def test_a_frequency_near_critical_damping_counts_beside_its_eigenvalue():
+    """λ = −93 + 36.8i is nearly real: 1 rad/s is 2.7 % of its frequency and 1 % of |λ|, as of an undamped mode."""
+    shapes = np.eye(6)[:, :3] + 0j
+    slow = -93 + 1j * (100**2 - 93**2) ** 0.5
+    reference = reference_of(fake([slow, 100j, 200j], shapes))
+    for off in ([1j, 0, 0], [0, 1j, 0], [-1j, 0, 0]):
+        found = fake([slow + off[0], 100j + off[1], 200j], shapes)
+        assert errors_of(found, reference).frequency == pytest.approx(0.01)
+
+
 def test_errors_of_growth_and_onsets():
     shapes = np.eye(6)[:, :3] + 0j
     onset = (0.4, 100 / (2 * np.pi), 1, 1, 1, 2)
@@ -71,7 +81,7 @@ def test_what_the_refined_mesh_does_not_have_is_not_known():
     found = replace(fake(lam, shapes, two, change), likely_onsets=np.array([[0.414, 0.006], [np.nan, np.inf]]))
     half = reference_of(found)
     assert np.isnan(half.uncertainty.onset) and half.lost == (0, 0, 1)
-    assert half.uncertainty.frequency == pytest.approx(0.6 / 98.6)
+    assert half.uncertainty.frequency == pytest.approx(0.6 / abs(3.6 + 98.6j))
     shifted = fake(lam, shapes, [(0.414, *two[0][1:]), (0.9, *two[1][1:])])
     assert errors_of(shifted, half).onset == pytest.approx(0.0, abs=1e-12)  # the other has none
     none = reference_of(replace(found, likely_onsets=np.full((2, 2), np.nan)))

@@ -79,3 +79,13 @@ def test_a_window_whose_speed_is_not_known_counts():
         onsets = list(result.onsets)
         onsets[i] = replace(onsets[i], crossing_speed=np.nan)
         assert not slow_windows(replace(result, onsets=tuple(onsets)), 1e9)
+
+
+def test_a_bar_near_critical_damping_counts_beside_the_eigenvalue():
+    """ü + 2ζu̇ + u = 0 with ζ = 0.96 and a bar of 1 % of |λ| = 1, which is 3.6 % of its frequency of 0.28 rad/s."""
+    one = sp.csr_array([[1.0]])
+    terms = Term("m", "M", one, True), Term("k", "K", one, True), Term("c", "C", 1.92 * one, True)
+    result = sweep(Problem(terms, {"p": 0.0}), [0.0], "p", modes=1)
+    assert result.points[0].modes.lam[0] == pytest.approx(-0.96 + 0.28j)
+    barred = replace(result, points=(replace(result.points[0], discretisation=np.array([0.5 + 0.01j])),))
+    assert estimated_error(barred) == pytest.approx(0.01)

@@ -197,3 +197,28 @@ def test_a_number_that_no_coefficient_has():
     for a, b in zip(reduced.onsets, direct.onsets, strict=True):
         assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         assert a.value == pytest.approx(b.value, rel=1e-7, abs=1e-8)
+
+
+def test_terms_of_one_name_are_compared_one_by_one():
+    """Two dampers of one name, of which one changes, and a stiffness that only its coefficient changes."""
+    one, skew = sp.csr_array(np.eye(3)), sp.csr_array(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 0]]))
+
+    class Paired:
+        def problem(self, values):
+            p = values["p"]
+            first = sp.csr_array(np.diag([1.0, 2.0, 3.0 + p]))
+            terms = (
+                Term("mass", "M", one, True), Term("spring", "K", one, True, {"q": 1}),
+                Term("damper", "C", first, True), Term("damper", "C", 2 * one, True),
+                Term("gyroscopic", "C", skew, False, skew=True),
+            )  # fmt: skip
+            return Problem(terms, {"p": p, "q": 5.0 - p}, None, self, frozenset({"p"}), dict(values))
+
+    source = Paired()
+    table = Tabulated.of(source.problem({"p": 1.0}), "p", 1.0).with_value(2.0)
+    for p in (1.0, 2.0):
+        ours, exact = table.pencil({"p": p}), source.problem({"p": p}).pencil()
+        for name in ("M", "C", "K"):
+            np.testing.assert_array_equal(getattr(ours, name).toarray(), getattr(exact, name).toarray())
+    more = {t.slot: t for t in table.terms if t.only}
+    assert set(more) == {"C", "K"} and more["C"].matrix.nnz == 1 and more["C"].symmetric
