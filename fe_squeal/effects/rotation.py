@@ -111,7 +111,7 @@ class Rotation(Effect):
         if motion is None:
             return []
         unit = unit_rotation(motion)
-        terms = _inertia_terms(context, body, motion)
+        terms = [*_inertia_terms(context, body, motion)]
         damped = _damping(context, body)
         if damped:
             elastic = body.elastic
@@ -122,7 +122,9 @@ class Rotation(Effect):
             terms += context.cache.get(
                 f"rotating_damping_terms.{body.name}",
                 (*_speed(motion), Same(circulatory), Same(elastic), repr(damped)),
-                lambda: rotating_damping_terms(body.name, body.material_path, motion, elastic, damped, circulatory),
+                lambda: tuple(
+                    rotating_damping_terms(body.name, body.material_path, motion, elastic, damped, circulatory)
+                ),
             )  # fmt: skip
         return terms
 
@@ -179,14 +181,14 @@ def _check(context: Context, body: BodyPart, motion: SteadyMotion) -> None:
     check_material(body, motion)
 
 
-def _inertia_terms(context: Context, body: BodyPart, motion: SteadyMotion) -> list[Term]:
+def _inertia_terms(context: Context, body: BodyPart, motion: SteadyMotion) -> Sequence[Term]:
     inertia = context.cache.get(
         f"rotation.{body.name}", motion.way,
         lambda: gyroscopic_matrices(context.space, body.elements, 1.0, unit_rotation(motion)),
     )  # fmt: skip
     return context.cache.get(
         f"rotation_terms.{body.name}", (*_speed(motion), Same(inertia)),
-        lambda: rotation_terms(body.name, body.material_path, motion, inertia),
+        lambda: tuple(rotation_terms(body.name, body.material_path, motion, inertia)),
     )  # fmt: skip
 
 

@@ -126,6 +126,17 @@ def test_without_friction_the_class_is_symmetric(monkeypatch):
     assert problem.pencil().C is None
 
 
+def test_a_problem_that_is_made_anew_has_every_term_once():
+    """What is kept between values stays as it is: at each value the terms are those of a problem made there at first."""
+    effects = {**PRELOAD, "stress_stiffening": {}, "rotation": {"bodies": ["disc"]}, "rayleigh": {"beta": 1e-7}}
+    problem = disc_and_pad({"friction": {"mu": 0.3}, **effects})
+    for mu in (0.1, 0.5, 0.2, 0.6, 0.4):
+        there, fresh = problem.at({"mu": mu}), disc_and_pad({"friction": {"mu": mu}, **effects})
+        assert [(t.name, t.slot) for t in there.terms] == [(t.name, t.slot) for t in fresh.terms]
+        for ours, exact in zip(there.terms, fresh.terms, strict=True):
+            assert abs(ours.matrix - exact.matrix).max() <= 1e-9 * abs(exact.matrix).max()
+
+
 @pytest.mark.parametrize(
     "table",
     [
