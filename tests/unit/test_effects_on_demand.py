@@ -127,7 +127,7 @@ def test_without_friction_the_class_is_symmetric(monkeypatch):
 
 
 def test_a_problem_that_is_made_anew_has_every_term_once():
-    """What is kept between values stays as it is: at each value the terms are those of a problem made there at first."""
+    """What is kept between values stays as it is: at each value the terms are those of a problem that begins there."""
     effects = {**PRELOAD, "stress_stiffening": {}, "rotation": {"bodies": ["disc"]}, "rayleigh": {"beta": 1e-7}}
     problem = disc_and_pad({"friction": {"mu": 0.3}, **effects})
     for mu in (0.1, 0.5, 0.2, 0.6, 0.4):
