@@ -66,7 +66,9 @@ def _with_every_row(A: sp.csr_array, symmetric: bool) -> sp.csr_array:
         return A
     coo, every = A.tocoo(), np.arange(n)
     rows, columns = (np.append(own, every) for own in coo.coords)
-    return sp.csr_array((np.append(coo.data, np.zeros(n, A.dtype)), (rows, columns)), shape=A.shape)
+    whole = sp.csr_array((np.append(coo.data, np.zeros(n, A.dtype)), (rows, columns)), shape=A.shape)
+    whole.sum_duplicates()  # which SciPy 1.13 leaves, and which PARDISO does not take
+    return whole
 
 
 class PardisoFactor:
