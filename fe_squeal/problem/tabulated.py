@@ -123,16 +123,10 @@ def _by_name(problem: Problem) -> dict[tuple[str, Slot, bool, bool], list[tuple[
 
 def _difference(new: tuple[Term, float] | None, old: tuple[Term, float] | None) -> sp.csr_array | None:
     """Return new − old, where a term that is not there is zero; entries that are equal are no entries."""
-    if new is None or old is None:
-        [(term, c)] = [part for part in (new, old) if part is not None]
-        return sp.csr_array(term.matrix * (c if old is None else -c))
-    if new[0].matrix is old[0].matrix:
-        c = new[1] - old[1]
-        return sp.csr_array(new[0].matrix * c) if c else None
-    A = sp.csr_array(_times(*new) - _times(*old))
-    A.eliminate_zeros()
+    parts = [(part[0].matrix, sign * part[1]) for part, sign in ((new, 1), (old, -1)) if part is not None]
+    if len(parts) == 2 and parts[0][0] is parts[1][0]:
+        parts = [(parts[0][0], parts[0][1] + parts[1][1])]
+    A = sum_matrices((matrix, factor) for matrix, factor in parts if factor)
+    if A is not None and len(parts) == 2:
+        A.eliminate_zeros()
     return A
-
-
-def _times(term: Term, c: float) -> sp.csr_array:
-    return term.matrix if c == 1 else sp.csr_array(term.matrix * c)
