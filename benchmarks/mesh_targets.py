@@ -24,6 +24,7 @@ from fe_squeal.accuracy.measure import measure_apart
 from fe_squeal.accuracy.quantities import KINDS
 from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting
+from fe_squeal.errors import NotConvergedError
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -46,6 +47,13 @@ def one_long_pad() -> Scene:
         for name, body in data["bodies"].items()
     }
     return brake_scene(mesh=data["mesh"], contacts=data["contacts"], springs=data["springs"], bodies=bodies)
+
+
+def thin_pad() -> Scene:
+    """Return the pad on a belt with a height of 1 mm, a tenth of the size of its elements."""
+    data = belt_scene().model_dump(mode="json", by_alias=True, exclude_unset=True)
+    data["mesh"]["block"] |= {"height": 0.001, "size": 0.01}
+    return belt_scene(mesh=data["mesh"])
 
 
 def random_brake(seed: int) -> Scene:
@@ -95,6 +103,7 @@ def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
     onsets = ("onsets",)
     found = {
         "soft pad on a belt": (belt_scene(materials=SOFT), 0.02, KINDS),
+        "thin pad on a belt": (thin_pad(), 0.05, KINDS),
         "disc with two pads": (brake_scene(), 0.05, KINDS),
         "disc with two pads, onsets": (brake_scene(), 0.02, onsets),
         "disc with one long pad, onsets": (one_long_pad(), 0.05, onsets),
@@ -108,16 +117,31 @@ def reach(name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS
     """Return the mesh that was found for a target, what it cost, and its true errors."""
     start = time.perf_counter()
     print(name, file=sys.stderr)
-    choice = choose(scene, target, lambda text: print(text, file=sys.stderr), kinds)
+    try:
+        choice = choose(scene, target, lambda text: print(text, file=sys.stderr), kinds)
+    except NotConvergedError as error:  # the target is not met, and the nearest mesh is shown
+        if error.partial is None:
+            raise
+        choice = error.partial
     seconds = time.perf_counter() - start
     errors = true_errors(choice)
     last = choice.trials[-1]
-    wanted = [error for kind, error in errors.items() if kind in {_COLUMNS[k] for k in kinds}]
+    wanted = [errors[_COLUMNS[kind]] for kind in kinds]
     return {
         "name": name, "target": target, "first": choice.trials[0].unknowns, "unknowns": last.unknowns,
-        "bar": last.error, "true": float(np.nanmax(wanted)) if np.isfinite(wanted).any() else 0.0, **errors,
+        "bar": last.error, "true": _worst(choice, kinds, wanted), **errors,
         "runs": len(choice.trials), "seconds": seconds,
     }  # fmt: skip
+
+
+def _worst(choice: Choice, kinds: tuple[str, ...], errors: list[float]) -> float:
+    """Return the largest of some true errors: 0 where the sweep has none of the quantities, infinite if one is lost."""
+    points, onsets = choice.result.points, choice.result.onsets
+    asked = {"frequencies": True, "onsets": bool(onsets), "growth": (points[-1].modes.stability == "unstable").any()}
+    if not any(asked[kind] for kind in kinds):
+        return 0.0
+    lost = [kind for kind, error in zip(kinds, errors, strict=True) if asked[kind] and not np.isfinite(error)]
+    return float("inf") if lost else float(np.nanmax(errors))
 
 
 def true_errors(choice: Choice) -> dict[str, float]:
@@ -160,7 +184,7 @@ def main() -> None:
         else:
             missing.append(name)
     asked = [f for f in found if f["true"]]
-    within = sum(f["true"] <= f["target"] for f in asked)
+    within = sum(f["true"] <= f["target"] and f["bar"] <= f["target"] for f in asked)
     without = f" ({len(found) - len(asked)} more have none of the quantities)" if len(found) > len(asked) else ""
     unmeasured = f"\nNot measured: {'; '.join(missing)}.\n" if missing else ""
     page = PAGE.format(
@@ -188,7 +212,8 @@ such as no onset; the search ends there. A dash stands where there is nothing to
 (*runs*). Where none of them meets the target, or the next one cannot be made or solved or does not fit into memory, the
 command ends with exit code 3, and its folder has the results of the nearest one.
 
-Runs within their targets: {within} of {all}.
+Runs whose bars met the target, and whose true errors are within it: {within} of {all}. One whose true error is not
+known, since the finer mesh has no such onset or growth, does not count among them.
 {missing}
 | scene | target | first unknowns | last unknowns | bar | frequencies | growth | onsets | runs | seconds |
 |---|---|---|---|---|---|---|---|---|---|

@@ -16,6 +16,7 @@ import os
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import wraps
@@ -24,9 +25,10 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from sweep_cost import STOP, build
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "performance.md"
+STOP = 0.6  # the last friction coefficient
 PARTS = {"_begin": "first modes", "_add_modes": "modes at values", "_search": "search for missing ones"}
 BYTES = ("program and model", "matrices", "factors", "vectors")
 INSIDE = """Where the seconds of the reduced model go, and the bytes by the forecast. The first modes are those without
@@ -42,6 +44,16 @@ quadratic tetrahedra ("tet"), swept over the friction coefficient with right and
 count of modes. The reduced model is made once; each value of the sweep then costs a small dense eigenproblem. The
 predicted memory is that of `fe-squeal check`, with 62 MiB for pictures, which are not drawn here.
 Made by `python benchmarks/performance.py --write`; """
+
+
+def build(size: float, element: str = "hex"):
+    """Return the assembled problem of the disc meshed with elements of a size, m, hexahedra or tetrahedra ("tet")."""
+    from fe_squeal import assemble, parse_scene
+
+    raw = tomllib.loads((ROOT / "examples" / "disc_pad.toml").read_text("utf-8"))
+    del raw["mesh"]["file"], raw["solve"]
+    raw["mesh"]["disc_pad"] |= {"size": size, "element": element}
+    return assemble(parse_scene(raw))
 
 
 def measure(mesh: str, modes: int, values: int) -> dict:

@@ -1,16 +1,16 @@
-"""The time of a sweep: python benchmarks/sweep_cost.py [size ...] [--modes 50] [--values 21 101] [--write]
+"""The time of a sweep: python benchmarks/sweep_cost.py [--models weak strong] [--rungs 1 2] [--values 21 101] [--write]
 
-The disc with two pads of examples/disc_pad.toml, meshed with elements of the given size in m, is swept over the
-friction coefficient by four ways, on the same matrices and in one run:
+Undamped models of `gallery/gallery_models.py` are swept over the friction coefficient by four ways, on the same
+matrices and in one run:
 
 - SciPy's `eigs` with its own `splu`, one value timed and scaled;
-- ARPACK on PARDISO, `method = "direct"`, two values timed and scaled;
+- this program at every value by itself, `method = "direct"` on PARDISO, two values timed and scaled;
 - SLEPc's Krylov-Schur on MUMPS, one value timed and scaled, where the system's Python has slepc4py
   (Debian: apt-get install python3-slepc4py), right modes alone and both;
 - `method = "reduced"`, the whole sweep with right and left modes, tracking and onsets.
 
-Every way runs in a process of its own. The error is that of the reduced sweep against ARPACK on PARDISO at values that
-are not among those which made its basis.
+Every way runs in a process of its own. The error is that of the reduced sweep against a direct solve at a value that is
+not among those which made its basis.
 """
 
 from __future__ import annotations
@@ -22,50 +22,42 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
-ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "sweep_cost.md"
-STOP = 0.6
+sys.path.insert(0, str(Path(__file__).parent / "gallery"))
+from gallery_models import MODELS, Model
+
+PAGE = Path(__file__).parents[1] / "docs" / "sweep_cost.md"
 PROBE = 0.37  # of the interval: the value at which single solves are timed and compared
 NAMES = {
-    "scipy": "SciPy eigs + splu, right modes", "direct": "ARPACK + PARDISO",
+    "scipy": "SciPy eigs + splu, right modes", "direct": "direct, PARDISO",
     "slepc": "SLEPc + MUMPS, right modes", "slepc both": "SLEPc + MUMPS",
 }  # fmt: skip
-NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer meshes, swept over the friction coefficient.
-SciPy, ARPACK on PARDISO and SLEPc solve at every value: one or two values are timed and scaled to all. All give right
-and left modes, which sensitivities and the uncertainty of growth rates need, unless the table says otherwise; the
-reduced sweep's seconds hold the count of modes, tracking and onsets as well. The tolerance is 1e-8 everywhere, SciPy's
-own 1e-16 apart. Errors are those of the reduced sweep against ARPACK on PARDISO at one value, relative
-to |λ| and, of unstable modes, to Re λ. MiB is the largest memory of the Python process, for SLEPc without SLEPc's own.
-All ways ran one after the other in one run. Made by `python benchmarks/sweep_cost.py --write`; """
+NOTE = """Two undamped models of the [gallery](performance.md), in sizes of some ten thousands and of about a hundred
+thousand unknowns, swept over the friction coefficient from 0 to 1. SciPy, `method = "direct"` and SLEPc solve at every
+value: one or two values are timed and scaled to all. All give right and left modes, which sensitivities and the
+uncertainty of growth rates need, unless the table says otherwise; the reduced sweep's seconds hold the count of modes,
+tracking and onsets as well. The tolerance is 1e-8 everywhere, SciPy's own 1e-16 apart. Errors are those of the reduced
+sweep against a direct solve at one value, relative to |λ| and, of unstable modes, to Re λ. MiB is the largest memory of
+the Python process, for SLEPc without SLEPc's own. All ways ran one after the other in one run. Made by
+`python benchmarks/sweep_cost.py --write`; """
 SLEPC = Path(__file__).with_name("slepc_solve.py")
 
 
-def build(size: float, element: str = "hex"):
-    """Return the assembled problem of the disc meshed with elements of a size, m, hexahedra or tetrahedra ("tet")."""
-    from fe_squeal import assemble, parse_scene
-
-    raw = tomllib.loads((ROOT / "examples" / "disc_pad.toml").read_text("utf-8"))
-    del raw["mesh"]["file"], raw["solve"]
-    raw["mesh"]["disc_pad"] |= {"size": size, "element": element}
-    return assemble(parse_scene(raw))
-
-
-def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
+def measure(way: str, model: Model, size: float, values: int) -> dict:
     """Time one way in this process."""
     from fe_squeal import sweep
     from fe_squeal.eigen.memory import peak_memory_mib
     from fe_squeal.eigen.request import Request
     from fe_squeal.eigen.solve import solve_modes
 
-    problem = build(size)
-    grid = np.linspace(0.0, STOP, values)
-    result: dict = {"unknowns": problem.unknowns}
+    problem, modes = model.build(size), model.modes
+    grid = np.linspace(model.start, model.stop, values)
+    probe = model.start + PROBE * (model.stop - model.start)
+    result: dict = {"model": model.name, "unknowns": problem.unknowns}
     start = time.perf_counter()
     if way == "reduced":
         found = sweep(problem, grid, modes=modes, method="reduced")
@@ -79,11 +71,11 @@ def measure(way: str, size: float, modes: int, values: int) -> dict[str, float]:
         away = exact[np.abs(lam[growing, None] - exact).argmin(axis=1)].real
         result["growth_error"] = float((np.abs(lam.real[growing] - away) / away).max(initial=0.0))
     elif way == "direct":
-        for mu in (PROBE * STOP, STOP):
+        for mu in (probe, model.stop):
             solve_modes(problem.pencil(mu=mu), Request(count=modes))
         result["seconds"] = (time.perf_counter() - start) / 2 * values
     else:
-        pencil = problem.pencil(mu=PROBE * STOP)
+        pencil = problem.pencil(mu=probe)
         start = time.perf_counter()
         if way == "scipy":
             from scipy.sparse.linalg import eigs
@@ -109,9 +101,9 @@ def slepc(K: sp.csr_array, M: sp.csr_array, modes: int, sides: int) -> tuple[flo
     return clock, processor
 
 
-def run(way: str, size: float, modes: int, values: int) -> dict | None:
+def run(way: str, model: Model, rung: int, values: int) -> dict | None:
     """Time one way in a process of its own; None if it is not installed."""
-    command = [sys.executable, __file__, "--one", way, str(size), "--modes", str(modes), "--values", str(values)]
+    command = [sys.executable, __file__, "--one", way, model.name, str(rung), str(values)]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         print(f"{way}: {done.stderr.strip().splitlines()[-1:]}", file=sys.stderr)
@@ -119,13 +111,13 @@ def run(way: str, size: float, modes: int, values: int) -> dict | None:
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
-def compare(sizes: list[float], modes: int, values: list[int], ways: list[str]) -> list[dict]:
-    """Return a row per problem, number of values and way, the reduced sweep last in each group."""
+def compare(models: list[Model], rungs: list[int], values: list[int], ways: list[str]) -> list[dict]:
+    """Return a row per model, size, number of values and way, the reduced sweep last in each group."""
     rows: list[dict] = []
-    for size in sizes:
-        single = {way: run(way, size, modes, 1) for way in ways if way != "reduced"}
+    for model, rung in ((m, r) for m in models for r in rungs):
+        single = {way: run(way, model, rung, 1) for way in ways if way != "reduced"}
         for count in values:
-            own = run("reduced", size, modes, count)
+            own = run("reduced", model, rung, count)
             if own is None:
                 continue
             for way, found in single.items():
@@ -140,33 +132,33 @@ def compare(sizes: list[float], modes: int, values: list[int], ways: list[str]) 
 
 def table(rows: list[dict]) -> str:
     """Return the rows as Markdown."""
-    lines = ["| unknowns | values of μ | way | seconds | times the reduced | MiB | error of λ | of growth |",
-             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    head = "model", "unknowns", "values of μ", "way", "seconds", "times the reduced", "MiB", "error of λ", "of growth"
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for row in rows:
         errors = [f"{row[key]:.1e}" if key in row else "" for key in ("error", "growth_error")]
         lines.append(
-            f"| {row['unknowns']} | {row['values']} | {row['way']} | {row['seconds']:.1f} | {row['times']:.1f} |"
-            f" {row['MiB']:.0f} | {' | '.join(errors)} |"
+            f"| {row['model']} | {row['unknowns']} | {row['values']} | {row['way']} | {row['seconds']:.1f} |"
+            f" {row['times']:.1f} | {row['MiB']:.0f} | {' | '.join(errors)} |"
         )
     return "\n".join(lines)
 
 
 def draw(rows: list[dict], path: Path) -> None:
-    """Draw the seconds as bars, a group for each problem and number of values."""
+    """Draw the seconds as bars, a group for each model, size and number of values."""
     from matplotlib.figure import Figure
 
-    groups = list(dict.fromkeys((r["unknowns"], r["values"]) for r in rows))
+    groups = list(dict.fromkeys((r["model"], r["unknowns"], r["values"]) for r in rows))
     figure = Figure(figsize=(8, 1 + 0.32 * len(rows) + 0.35 * len(groups)), layout="constrained")
     ax = figure.subplots()
     place, ticks, labels = 0.0, [], []
-    for unknowns, values in groups:
-        for row in (r for r in rows if (r["unknowns"], r["values"]) == (unknowns, values)):
+    for group in groups:
+        for row in (r for r in rows if (r["model"], r["unknowns"], r["values"]) == group):
             reduced = row["way"].startswith("reduced")
             ax.barh(place, row["seconds"], color="#1b6ca8" if reduced else "#b5b5b5")
             seconds = f"{row['seconds']:.{0 if row['seconds'] >= 10 else 1}f} s"
             ax.text(row["seconds"] * 1.1, place, seconds, va="center", fontsize=8)
             ticks.append(place)
-            labels.append(f"{row['way']}, {unknowns} unknowns, {values} values")
+            labels.append(f"{row['way']}, {group[0]} {group[1]}, {group[2]} values")
             place -= 1
         place -= 0.6
     ax.set_yticks(ticks, labels, fontsize=8)
@@ -181,22 +173,26 @@ def draw(rows: list[dict], path: Path) -> None:
 def main() -> None:
     """Print the table, or write it into docs/sweep_cost.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sizes", nargs="*", type=float, default=[0.0095, 0.0055])
-    parser.add_argument("--modes", type=int, default=50)
+    names = [m.name for m in MODELS if m.parameter == "mu"]
+    parser.add_argument("--models", nargs="+", choices=names, default=["weak", "strong"])
+    parser.add_argument("--rungs", nargs="+", type=int, default=[1, 2], help="which sizes of each model, from 0")
     parser.add_argument("--values", type=int, nargs="+", default=[21, 101])
     parser.add_argument("--ways", nargs="+", default=[*NAMES, "reduced"])
     parser.add_argument("--write", action="store_true")
-    parser.add_argument("--one", help=argparse.SUPPRESS)
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    models = {m.name: m for m in MODELS}
     if given.one:
-        print(json.dumps(measure(given.one, given.sizes[0], given.modes, given.values[0])))
+        way, name, rung, values = given.one
+        print(json.dumps(measure(way, models[name], models[name].sizes[int(rung)], int(values))))
         return
-    rows = compare(given.sizes, given.modes, given.values, given.ways)
+    rows = compare([models[name] for name in given.models], given.rungs, given.values, given.ways)
     print(table(rows))
     if given.write:
         picture = PAGE.parent / "images" / "sweep_cost.png"
         draw(rows, picture)
-        when = f"{given.modes} modes; {os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}."
+        modes = models[given.models[0]].modes
+        when = f"{modes} modes; {os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}."
         PAGE.write_text(
             f"# What a sweep costs\n\n![Seconds of a sweep](images/{picture.name})\n\n{NOTE}{when}\n\n{table(rows)}\n",
             encoding="utf-8",

@@ -119,7 +119,7 @@ def _main(arguments: list[str] | None, came: list[int]) -> int:
         return InputError.exit_code
     except _UsageError as error:  # a wrong option or argument; without any argument the help
         if sys.argv[1:] if arguments is None else arguments:
-            print(f"error: {error.format_message()}; see fe-squeal --help", file=sys.stderr)
+            print(f"error: {error.format_message().rstrip('.')}; see fe-squeal --help", file=sys.stderr)
         else:
             error.show()
         return error.exit_code

@@ -161,10 +161,15 @@ def compare(
     at_once : int
         Models that are measured at the same time.
     """
-    sizes = [(m, r) for m in models for r in range(len(m.sizes)) if RUNGS[r] <= max(largest, RUNGS[0])]
+    sizes = sizes_of(models, largest)
     with ThreadPoolExecutor(at_once) as pool:
         groups = list(pool.map(lambda one: _group(*one, values, direct, ways, log), sizes))
     return [row for group in groups for row in group]
+
+
+def sizes_of(models: list[Model], largest: int) -> list[tuple[Model, int]]:
+    """Return each model with the number of each of its sizes that has at most so many unknowns; the smallest always."""
+    return [(m, r) for m in models for r in range(len(m.sizes)) if RUNGS[r] <= max(largest, RUNGS[0])]
 
 
 def _group(model: Model, rung: int, values: list[int], direct: list[int], ways: list[str], log: Log) -> list[dict]:

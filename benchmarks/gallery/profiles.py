@@ -1,11 +1,11 @@
-"""Where the gallery's seconds go: python benchmarks/gallery/profiles.py [--models NAME ...] [--rung R] [--values V]
+"""Where the gallery's seconds go: python benchmarks/gallery/profiles.py [--models NAME ...] [--largest N] [--values V]
 [--at-once N] [--write]
 
-Every model is swept by `method = "auto"` under Python's profiler, in a process and a thread of its own. CPU seconds are
-those of the functions themselves, without those that they call, and are summed by what bounds them: eigenvalues and
-other decompositions of small dense matrices by LAPACK, factorisations, solves with the factors, products of sparse
-matrices, products of blocks of vectors by the BLAS. The rest is Python and NumPy. `--write` puts the table into
-docs/performance.md.
+Every model of at most N unknowns is swept by `method = "auto"` under Python's profiler, in a process and a thread of
+its own. CPU seconds are those of the functions themselves, without those that they call, and are summed by what bounds
+them: eigenvalues and other decompositions of small dense matrices by LAPACK, factorisations, solves with the factors,
+products of sparse matrices, products of blocks of vectors by the BLAS. The rest is Python and NumPy. `--write` puts the
+table into docs/performance.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
-from compare import PAGE  # noqa: E402
+from compare import PAGE, RUNGS, sizes_of  # noqa: E402
 from gallery_models import MODELS, Model  # noqa: E402
 from mesh_bars import with_section_of  # noqa: E402
 
@@ -119,7 +119,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [m.name for m in MODELS]
     parser.add_argument("--models", nargs="+", choices=names, default=names)
-    parser.add_argument("--rung", type=int, default=0, help="which size of each model, from 0")
+    parser.add_argument("--largest", type=int, default=RUNGS[0], help="unknowns")
     parser.add_argument("--values", type=int, default=21)
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="models at the same time (1)")
     parser.add_argument("--write", action="store_true")
@@ -130,9 +130,9 @@ def main() -> None:
         model = next(m for m in MODELS if m.name == name)
         print(json.dumps(profile(model, model.sizes[int(rung)], int(values))))
         return
-    models = [m for m in MODELS if m.name in given.models and given.rung < len(m.sizes)]
+    sizes = sizes_of([m for m in MODELS if m.name in given.models], given.largest)
     with ThreadPoolExecutor(given.at_once) as pool:
-        rows = list(pool.map(lambda m: run(m, given.rung, given.values), models))
+        rows = list(pool.map(lambda size: run(*size, given.values), sizes))
     if given.write:
         text = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(with_section_of(HEAD, text, section(rows, given.values)), encoding="utf-8")

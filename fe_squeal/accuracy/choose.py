@@ -223,7 +223,9 @@ def _next(tried: _Tried, target: float, tell: Callable[[str], None]) -> Candidat
     # The next mesh is made for bars to first order, whose parts are known by element. Where the bars themselves are
     # wider, those to first order have to be smaller than the target by as much.
     aim = _MARGIN * target * min(1.0, tried.first / error if np.isfinite(error) else 1.0)
-    candidate = next_candidate(before, tried.assembly, tried.split, aim)
+    # What the refined mesh alone has, such as an onset, no element of this mesh explains.
+    unexplained = not len(tried.split.names) or (not np.isfinite(error) and tried.first <= aim)
+    candidate = finer_candidate(before) if unexplained else next_candidate(before, tried.assembly, tried.split, aim)
     if candidate.unknowns < _SLACK * before.unknowns and not _moved(before, candidate):
         candidate = finer_candidate(before)
     ratio = candidate.unknowns / before.unknowns

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..eigen.pencil import Modes
 from ..eigen.threads import one_openblas_thread
+from ..errors import NotConvergedError
 from ..sweep.result import Sweep
 from .rates import onset_factor
 from .refined import ABOVE, Refined
@@ -54,9 +55,15 @@ def right_corrections(result: Sweep, refined: Refined) -> dict[float, Correction
     Raises
     ------
     NotConvergedError
-        The conjugate gradients on the refined mesh do not settle.
+        There are no modes.
+    TooLargeError
+        As of `TwoLevelSolver.solve`.
     """
-    chosen = _chosen(result, refined)
+    chosen = {value: modes for value, modes in _chosen(result, refined).items() if len(modes)}
+    if not chosen:
+        raise NotConvergedError(
+            "no mode was found on the mesh, so that its error is not known; expected a higher solve.max_frequency"
+        )
     residuals = Residuals(refined, list(chosen.values()))
     right, left = (
         np.hstack([side(value, modes) for value, modes in chosen.items()]) for side in (residuals.right, residuals.left)

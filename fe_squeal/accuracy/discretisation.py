@@ -97,6 +97,7 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
     lost = sum(int(np.isnan(c).sum()) for c in changes.modes)
     if lost:
         warnings.append(f"the error of the mesh is not known for {lost} modes: refined, they are others")
+    warnings += _entering(result, changes)
     for onset in onsets:
         if np.isinf(onset.discretisation):
             warnings.append(f"the onset at {_told(onset, name)}, vanishes on the refined mesh")
@@ -116,6 +117,25 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
         warnings += straight_edges(result.problem.source)
     listed = sorted([*onsets, *changes.appeared], key=lambda o: o.value)
     return replace(result, points=tuple(points), onsets=tuple(listed), warnings=tuple(warnings))
+
+
+def _entering(result: Sweep, changes: Changes) -> list[str]:
+    """Return a sentence if modes above `max_frequency` are below it on the refined mesh."""
+    source = result.problem.source
+    limit = source.scene.solve.max_frequency if isinstance(source, Assembly) else None
+    if limit is None:
+        return []
+    down: list[float] = []
+    for _, refined, asked in changes.spectra:
+        others = np.delete(refined, asked).imag / (2 * np.pi)
+        if len(below := others[(others > 0) & (others < limit)]) > len(down):
+            down = below.tolist()
+    if not down:
+        return []
+    return [
+        f"modes that are above solve.max_frequency here are below it on the refined mesh, {len(down)} down to"
+        f" {min(down):.4g} Hz: they are missing in these results; ask for a higher one"
+    ]
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fem.spaces import DisplacementSpace
-from .two_level import nodes_of_children, places_in_first, reference_coordinates
+from .prolongation import nodes_of_children, places_in_first, reference_coordinates
 
 _COLUMNS = 16  # of a block that is split at once, to save memory
 _ROUNDED = 1e-9  # values of shape functions that differ by less are equal, up to rounding

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,19 @@ def matrix_problem(scene: MatrixScene) -> Problem:
         if not any(t.slot == slot and not t.imaginary for t in terms):
             raise SceneError(f"terms: every {role} matrix is zero; expected one that is not")
     _check_rows(terms)
+    _check_mass(terms, scene.parameters)
     return Problem(tuple(terms), dict(scene.parameters))
+
+
+def _check_mass(terms: list[Term], parameters: Mapping[str, float]) -> None:
+    """Refuse negative entries on the diagonal of mass: a motion of that unknown alone would have negative energy."""
+    mass = np.sum([t.coefficient(parameters) * t.matrix.diagonal() for t in terms if t.slot == "M"], axis=0)
+    negative = np.flatnonzero(mass < 0)
+    if len(negative):
+        raise SceneError(
+            f"terms: the mass matrix has {mass[negative[0]]:.6g} on its diagonal in row {negative[0] + 1}, and negative"
+            f" entries there in {len(negative)} rows; expected none, since kinetic energy is not negative"
+        )
 
 
 def _check_rows(terms: list[Term]) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import combinations
 
 import numpy as np
 
 from ..effects.context import ContactPart
 from ..effects.friction import Friction
+from ..effects.rotating_bodies import turn_alike
 from ..effects.ties import idle_at_reference
 from ..fem.distortion import shape_condition
+from ..fem.motion import SteadyMotion
 from ..fem.places import nodes_there
 from ..fem.spaces import DisplacementSpace
 from ..mesh import LoadedMesh
@@ -27,6 +30,8 @@ _DISTORTED = 100.0
 _NAMED = 5  # elements in one sentence
 _LIFTING = 0.1  # of the sliding velocity: straight edges of a coarse mesh on a drum leave less along the normal
 _LARGE_GAP = 0.05  # part of the model's size: a larger gap_tolerance was probably meant in another unit
+_FAR = 10.0  # times the model's size: an axis or a reference farther away was probably meant in another unit
+_STIFF = (1e-5, 1e8)  # normal stiffness over Young's modulus by the model's size: others are probably mistakes
 _HALF, _WHOLE = 0.5, 0.99  # share of a contact's surface that touches: less than half is probably a mistake
 _LOCKING = 0.48  # Poisson's ratio above which standard elements lose digits; see docs/near_incompressible.md
 
@@ -47,7 +52,8 @@ def warnings_of_scene(
     """
     return [
         *suspect_units(scene, space.mesh, bodies), *_size(scene, loaded), *_materials(scene), *_locking(scene),
-        *_held(scene, loaded, space), *_unread(scene), *_gaps(scene, space), *_shapes(loaded, space, bodies),
+        *_held(scene, loaded, space), *_unread(scene), *_gaps(scene, space), *_far_away(scene, space),
+        *_stiffness(scene, space), *_shapes(loaded, space, bodies),
         *warnings_of_touching(scene, loaded, bodies),
     ]  # fmt: skip
 
@@ -137,6 +143,37 @@ def _gaps(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
             )
 
 
+def _far_away(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
+    middle = (space.mesh.p.max(axis=1) + space.mesh.p.min(axis=1)) / 2
+    size = float(np.ptp(space.mesh.p, axis=1).max())
+    places = []
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        motion = None if contact.sliding is None else contact.sliding.motion()
+        if motion is not None and motion.centre is not None:
+            across = np.cross(motion.velocity / np.linalg.norm(motion.velocity), middle - motion.centre)
+            places.append((f"contact {name}: the axis of sliding", float(np.linalg.norm(across))))
+    for key, table in scene.ties:
+        if table.reference is not None:
+            places.append((f"{key}: the reference", float(np.linalg.norm(np.array(table.reference) - middle))))
+    for what, away in places:
+        if away > _FAR * size:
+            yield f"{what} lies {away / size:.3g} times the model's size away from its middle; it is in metres always"
+
+
+def _stiffness(scene: Scene, space: DisplacementSpace) -> Iterable[str]:
+    size = float(np.ptp(space.mesh.p, axis=1).max())
+    moduli = [m.youngs_modulus for m in (scene.materials[b.material] for b in scene.bodies.values())]
+    softest = min(value for m in moduli for value in (m if isinstance(m, list) else [m]))
+    for name, contact in zip(scene.contact_names, scene.contacts, strict=True):
+        ratio = contact.normal_stiffness * size / softest
+        if contact.normal_stiffness and not _STIFF[0] <= ratio <= _STIFF[1]:
+            yield (
+                f"contact {name}: normal_stiffness = {contact.normal_stiffness:g} N/m per m^2 is {ratio:.2g} times what"
+                " the softest material has over the model's size; of surfaces in contact some 10 to 10000 times are"
+                " usual: check the unit"
+            )
+
+
 def _shapes(loaded: LoadedMesh, space: DisplacementSpace, bodies: Mapping[str, np.ndarray]) -> Iterable[str]:
     for name, elements in bodies.items():
         kappa = shape_condition(space.mesh, elements)
@@ -163,9 +200,24 @@ def notes_of_contacts(contacts: Mapping[str, ContactPart]) -> tuple[str, ...]:
     )  # fmt: skip
 
 
+def _same(a: SteadyMotion, b: SteadyMotion) -> bool:
+    if a.centre is None or b.centre is None:
+        return a.centre is b.centre and bool(np.allclose(a.velocity, b.velocity, rtol=1e-9, atol=0.0))
+    return turn_alike(a, b)
+
+
 def warnings_of_contacts(contacts: Mapping[str, ContactPart]) -> list[str]:
-    """Return a sentence for each contact that hardly touches its counterface, or does not slide along it."""
-    found = []
+    """Return a sentence for each contact that hardly touches its counterface, or does not slide along it.
+
+    And for two that move one body in different ways.
+    """
+    found = [
+        f"contacts {one} and {two} move body {body} differently: a body has one motion; check axis, centre, speed and"
+        " its sign, which is that of the body's own motion, whichever side the pads are on"
+        for (one, a), (two, b) in combinations(contacts.items(), 2)
+        for body in sorted(a.carriers & b.carriers)
+        if a.motion is not None and b.motion is not None and not _same(a.motion, b.motion)
+    ]
     for name, part in contacts.items():
         c = part.operators
         if c.coverage < _HALF:

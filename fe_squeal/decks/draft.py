@@ -113,6 +113,11 @@ class Draft:
         if all((f.what, f.text) != (what, text) for f in self.findings):
             self.findings.append(Finding(what, where, text, weight))
 
+    def add_sweep(self, mu: float, what: str) -> None:
+        """Add a sweep of the friction coefficient from 0 to that of the file, "deck" or "archive"."""
+        table = self.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
+        table.comments.append(f"Not of the {what}, which has one coefficient: the way up to it shows the onsets.")
+
     def tell_damping_of_all(self, what: str, where: str, of_mass: bool) -> None:
         """Note that a factor of the whole mass or stiffness, which damps all of it there, is one of the bodies here."""
         if of_mass and any("mass" in t.values for t in self.tables):

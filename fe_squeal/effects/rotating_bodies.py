@@ -59,9 +59,21 @@ def motion_of_body(
     size = sign * np.linalg.norm(motion.velocity) if speed is None else speed
     again = SteadyMotion(along / np.linalg.norm(along) * size, motion.centre if centre is None else np.array(centre))
     if not turn_alike(motion, again):
-        what = ", ".join(k for k, v in given.items() if v is not None)
-        raise SceneError(f"{key}: given {what} other than those of contact {source}; expected the same, or none")
+        own = {"axis": sign * motion.velocity / np.linalg.norm(motion.velocity), "centre": motion.centre,
+               "speed": sign * np.linalg.norm(motion.velocity)}  # fmt: skip
+        unit = None if axis is None else np.array(axis) / np.linalg.norm(axis)
+        ours = {**given, "axis": unit}
+        told = [f"{k} = {_text(v)} where contact {source} has {_text(own[k])}" for k, v in ours.items()
+                if v is not None and _text(v) != _text(own[k])]  # fmt: skip
+        raise SceneError(f"{key}: given {', '.join(told)}; expected the same, or none")
     return motion
+
+
+def _text(value: object) -> str:
+    """Return a number or a list of numbers about as it is written in a scene."""
+    if isinstance(value, tuple | list | np.ndarray):
+        return f"[{', '.join(f'{x + 0.0:.12g}' for x in value)}]"
+    return f"{value:.12g}"
 
 
 def turn_alike(a: SteadyMotion, b: SteadyMotion) -> bool:

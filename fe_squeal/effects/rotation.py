@@ -28,9 +28,11 @@ from .rotating_bodies import (
     joined_to_others,
     motion_of_body,
     nodes_of_body,
+    turns_with_bodies,
     unit_rotation,
 )
 from .rotating_contacts import contact_damping_terms
+from .rotating_joints import check_held_directions, check_springs
 from .rotating_references import reference_terms
 from .stress_stiffening import StressStiffening
 from .structural_damping import FROZEN_AT, StructuralDamping
@@ -44,6 +46,9 @@ class Rotation(Effect):
     stiffness. (Structural damping at each mode's own frequency does not: it is right for waves that run faster than the
     body turns.) The centrifugal stress comes with `[effects.preload]` and acts through `[effects.stress_stiffening]`.
     Damping of contacts between bodies that turn alike does so too.
+    Of a body with damping supports and held references have to hold directions that a turn leaves alone: the axis, all
+    across it, or all. Springs between bodies that turn alike turn too: across the axis they have to be alike in all
+    directions, and have no dampers. Springs to the ground stand still.
     The equations stand in `fe_squeal.fem.gyroscopics`. Inertia at a reference point that the body is tied to turns with
     it, see `fe_squeal.effects.rotating_references`.
 
@@ -100,6 +105,9 @@ class Rotation(Effect):
             motions[name] = motion_of_body(name, contacts, self.axis, self.centre, self.speed)
         for name, motion in motions.items():
             _check(context, context.bodies[name], motion)
+            if _damping(context, context.bodies[name]) or _is_damped_at_contacts(context, motions, name):
+                check_held_directions(context, name, motion)
+        check_springs(context, motions)
         check_contacts(context, motions)
         if context.table(Friction) is not None:
             check_sliding(context, motions)
@@ -179,6 +187,15 @@ def _check(context: Context, body: BodyPart, motion: SteadyMotion) -> None:
     """Raise where a rotating body, what holds it or its material is not the same all around the axis."""
     context.cache.get(f"revolution.{body.name}", motion.way, lambda: check_shape(context, body, motion))
     check_material(body, motion)
+
+
+def _is_damped_at_contacts(context: Context, motions: dict[str, SteadyMotion], body: str) -> bool:
+    """Return whether a contact with damping turns with a body."""
+    return any(
+        body in contact.pads | contact.carriers and context.number(f"{contact.path}.normal_damping")
+        and turns_with_bodies(contact, motions)
+        for contact in context.contacts.values()
+    )  # fmt: skip
 
 
 def _inertia_terms(context: Context, body: BodyPart, motion: SteadyMotion) -> Sequence[Term]:

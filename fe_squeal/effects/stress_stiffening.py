@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +22,9 @@ from .preload import Preload
 from .static_forces import static_forces
 from .static_state import StaticState
 
+_FLAT = 1e-3  # one less the length of the mean normal: more is a curved surface, whose normals differ by 0.1 rad
+
+
 
 class StressStiffening(Effect):
     """Geometric stiffness K_σ = ∫ σ0_ij ∂_iδu·∂_ju dV of the preload's stress σ0 = σ(u0).
@@ -35,6 +38,37 @@ class StressStiffening(Effect):
     name: ClassVar[str] = "stress_stiffening"
     summary: ClassVar[str] = "Geometric stiffness of the preload's stress; without keys."
     needs: ClassVar[Mapping[str, str]] = {"preload": ", whose stress acts; expected [effects.preload]"}
+
+    def warnings(self, context: Context, others: Sequence[Term], parameters: Mapping[str, float]) -> list[str]:
+        """Return a sentence for each pressed contact on a curved surface.
+
+        Along a surface of revolution the pressure has no moment about the axis, however the body is turned. With
+        g₂ = ½ κ_ab s_a s_b − s_a n·∂_a u, the gap to second order in the slip s and the curvature κ, the stiffness of
+        the contact itself, ∫ p (δs_a n·∂_a u + s_a n·∂_a δu − κ_ab δs_a s_b), takes away what K_σ has in that turn:
+        ∫ f·x over the forces f on the body. It is not in the equations.
+        """
+        found = []
+        for name, contact in context.contacts.items():
+            pressed = contact.operators.weights * contact.pressure if contact.state is not None else np.zeros(0)
+            if contact.kind == "tied" or not pressed.any():
+                continue
+            mean = pressed @ contact.operators.normals / pressed.sum()
+            if 1 - np.linalg.norm(mean) <= _FLAT:
+                continue
+            size = ""
+            if contact.motion is not None and contact.motion.centre is not None:
+                axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
+                arms = contact.operators.points - contact.motion.centre
+                arms = arms - np.outer(arms @ axis, axis)
+                turn = abs(pressed @ np.einsum("qi,qi->q", contact.operators.normals, arms))
+                size = f" of about {turn:.3g} N m/rad about the axis"
+            found.append(
+                f"contact {name}: its surface is curved and pressed, and of its geometric stiffness only the part of"
+                f" the stress inside the bodies is known: bodies that can turn along it have a stiffness{size}, or the"
+                " negative of it, that does not exist; hold them against turning, or do without"
+                " [effects.stress_stiffening]"
+            )
+        return found
 
     def terms(self, context: Context) -> list[Term]:
         """Return the geometric stiffness of every body, and of what ties nodes to references."""

@@ -96,6 +96,12 @@ def read_raw(path: Path, folders: Sequence[str | Path] = (), allow_outside: bool
         return _READERS.get(path.suffix.lower(), read_with_meshio)(sources)
 
 
+def _is_mesh(path: Path) -> bool:
+    import meshio
+
+    return path.is_file() and path.suffix.lower() in {*_READERS, *meshio.extension_to_filetypes}
+
+
 @contextmanager
 def guarded_reading(path: Path) -> Iterator[None]:
     """Check that a mesh file can be read before the block reads it, and turn errors of the block into one sentence.
@@ -109,7 +115,7 @@ def guarded_reading(path: Path) -> Iterator[None]:
         if path.is_dir():
             raise MeshError(f"{path}: this is a folder; expected a mesh file")
         if not path.is_file():
-            near = [p.name for p in path.parent.iterdir() if p.is_file()] if path.parent.is_dir() else []
+            near = sorted(p.name for p in path.parent.iterdir() if _is_mesh(p)) if path.parent.is_dir() else []
             raise MeshError(f"{path}: no such mesh file" + (suggest(path.name, near) if near else ""))
         if path.stat().st_size == 0:
             raise MeshError(f"{path.name}: the file is empty; expected a mesh")

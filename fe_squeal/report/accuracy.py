@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .advice import QUANTITIES, advice, fitted, lines_of, lost, pareto, size_head, size_text, units_of
-from .branches import figure_text
+from .branches import title_text
 from .files import save_figure
 
 _FLOOR = 1e-12  # smaller errors are left out of the chart
@@ -55,7 +55,7 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
     if shown:
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    figure.suptitle(figure_text(title) or "error against time", fontsize=11)
+    figure.suptitle(title_text(title or "error against time", figure.get_figwidth()), fontsize=11)
     save_figure(figure, path, dpi=130)
 
 

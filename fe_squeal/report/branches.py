@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from fe_squeal.errors import one_line
+
+_LETTERS = 9  # of a title in an inch
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -120,6 +123,11 @@ def figure_text(text: str) -> str:
     100 \$, 50 \$
     """
     return one_line(text).replace("$", r"\$")
+
+
+def title_text(text: str, width: float) -> str:
+    """Return the title of a figure of a width, inches, in as many lines as it takes, see `figure_text`."""
+    return textwrap.fill(figure_text(text), int(_LETTERS * width))
 
 
 def parameter_symbol(name: str) -> str:

@@ -20,7 +20,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
+from fe_squeal.report.branches import (
+    figure_text,
+    frequency_text,
+    numbers,
+    parameter_name,
+    parameter_symbol,
+    title_text,
+    value_text,
+)
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.terms import ELASTIC, MASS, TermName, is_kinetic, term_of
 
@@ -170,7 +178,7 @@ def _draw_bars(axes: Axes, main: pd.DataFrame, rest: pd.DataFrame, colours: Mapp
 def _finish_growth(axes: Axes, contributions: pd.DataFrame, shown: pd.DataFrame) -> None:
     sums = _table(contributions[contributions["term"] == "sum"], shown, "re_share")
     if len(sums.columns):
-        axes.plot(sums["sum"], range(len(shown)), "D", mfc="black", mec="white", ms=7, zorder=5)
+        axes.plot(sums["sum"], range(len(shown)), "D", mfc="black", mec="white", ms=7, zorder=5, clip_on=False)
     axes.set_title("growth rate Re λ, by term", fontsize=11, pad=18)
     axes.set_xlabel("share in Re λ (1/s)")
     for text, side, shift in (("← damps", "right", -6), ("feeds →", "left", 6)):
@@ -237,6 +245,6 @@ def _draw_legend(axes: Axes, keys: list[Any], columns: int) -> None:
 def _empty_figure(title: str) -> Figure:
     figure = Figure(figsize=(9, 3), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(figure_text(title), fontsize=12)
-    figure.text(0.5, 0.5, "no unstable mode in this sweep", ha="center", va="center", fontsize=12, color="0.25")
+    figure.suptitle(title_text(title, figure.get_figwidth()), fontsize=12)
+    figure.text(0.5, 0.5, "no unstable mode", ha="center", va="center", fontsize=12, color="0.25")
     return figure

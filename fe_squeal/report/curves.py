@@ -103,7 +103,7 @@ def _draw_band(axes: Axes, branch: Branch, bar: Floats, colour: Any) -> None:
 
 def _draw_least_stable(axes: Axes, branches: list[Branch]) -> None:
     """Draw the largest Re λ at each value, where no mode is unstable: it shows how close to instability a design is."""
-    axes.text(0.5, 0.82, "no unstable mode in this sweep", transform=axes.transAxes, ha="center", va="center",
+    axes.text(0.5, 0.82, "no unstable mode", transform=axes.transAxes, ha="center", va="center",
               fontsize=12, color="0.25")
     if not branches:
         axes.set_ylim(-1.0, 1.0)

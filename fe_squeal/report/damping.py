@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from fe_squeal.process.signals import signals_deferred
-from fe_squeal.report.branches import figure_text, frequency_text, numbers, parameter_name, parameter_symbol, value_text
+from fe_squeal.report.branches import frequency_text, numbers, parameter_name, parameter_symbol, title_text, value_text
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.notebook import NotebookFigure
 
@@ -44,8 +44,8 @@ def damping_figure(modes: pd.DataFrame, value: float | None = None, title: str =
     figure = NotebookFigure(figsize=(9, 5), dpi=150, layout=layout)
     canvas = FigureCanvasAgg(figure)
     axes = figure.subplots()
-    heads = [figure_text(title), f"{figure_text(parameter_symbol(parameter_name(modes)))} = {value_text(float(at))}"]
-    figure.suptitle(", ".join(t for t in heads if t), fontsize=12)
+    heads = [title, f"{parameter_symbol(parameter_name(modes))} = {value_text(float(at))}"]
+    figure.suptitle(title_text(", ".join(t for t in heads if t), figure.get_figwidth()), fontsize=12)
     axes.plot(hz[~unstable] / per, ratio[~unstable], "o", color="0.4", ms=6, label="stable or marginal")
     axes.plot(hz[unstable] / per, ratio[unstable], "D", color="tab:red", ms=7, label="unstable")
     reach = max(float(np.abs(ratio).max(initial=0.0)), 1e-3)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fe_squeal.report.branches import figure_text, frequency_text
+from fe_squeal.report.branches import figure_text, frequency_text, title_text
 from fe_squeal.report.differences import GONE, NEW
 from fe_squeal.report.files import save_figure
 
@@ -30,7 +30,7 @@ def plot_differences(table: pd.DataFrame, path: str | os.PathLike[str], symbol: 
     heads = [title] if title else []
     if len(table) > len(shown):
         heads.append(f"the first {len(shown)} of {len(table)} modes")
-    figure.suptitle(figure_text(" – ".join(heads)), fontsize=12)
+    figure.suptitle(title_text(" – ".join(heads), figure.get_figwidth()), fontsize=12)
     if not len(shown):
         figure.text(0.5, 0.5, "no mode is unstable in any of them", ha="center", va="center", color="0.3")
         return save_figure(figure, path)

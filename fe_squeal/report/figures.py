@@ -29,6 +29,7 @@ from fe_squeal.report.branches import (
     numbers,
     parameter_name,
     parameter_symbol,
+    title_text,
 )
 from fe_squeal.report.curves import draw_growth, draw_stretches, padded
 from fe_squeal.report.files import save_figure
@@ -93,7 +94,7 @@ def stability_figure(
     figure = NotebookFigure(figsize=(10, 8), dpi=150, layout=layout)
     canvas = FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
-    figure.suptitle(figure_text(title))
+    figure.suptitle(title_text(title, figure.get_figwidth()))
 
     for branch in branches:
         shown = np.where(branch.swings, branch.frequency_hz / per_unit, np.nan)
@@ -145,7 +146,7 @@ def plot_root_locus(
     figure = Figure(figsize=(9, 7), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    figure.suptitle(figure_text(title))
+    figure.suptitle(title_text(title, figure.get_figwidth()))
 
     limits, notes = growth_limits(modes)
     for branch in collect_branches(modes, onsets):

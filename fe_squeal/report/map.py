@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from fe_squeal.report.axes import frequency_unit
-from fe_squeal.report.branches import figure_text, frequency_text
+from fe_squeal.report.branches import figure_text, frequency_text, title_text
 from fe_squeal.report.files import save_figure
 from fe_squeal.report.labels import place_labels
 from fe_squeal.report.study import short_name
@@ -51,7 +51,7 @@ def plot_map(
     figure = Figure(figsize=(9.2, 5.6), dpi=130, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     if title:
-        figure.suptitle(figure_text(title), fontsize=12)
+        figure.suptitle(title_text(title, figure.get_figwidth()), fontsize=12)
     axes = figure.subplots()
     x, y = np.unique(grid["x"]), np.unique(grid["y"])
     growth = _growth(grid.sort_values(["y", "x"])).reshape(len(y), len(x))

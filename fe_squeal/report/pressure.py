@@ -102,9 +102,10 @@ def pressure_figure(contacts: Mapping[str, ContactFace], title: str = "", units:
                            label="sliding of the counterface"))  # fmt: skip
     if keys:
         figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), fontsize=9, frameon=False)
-    # Faces keep their shape, and so become smaller than their panels: each drawing moves the colour bar a little. The
-    # first places that are inside the picture are kept.
-    for _ in range(DRAWINGS):
+    # Faces keep their shape, and so become smaller than their panels: each drawing moves the colour bar a little, and
+    # the first one does not know of titles and keys yet. Of the others the first one inside the picture is kept.
+    figure.draw_without_rendering()
+    for _ in range(DRAWINGS - 1):
         figure.draw_without_rendering()
         drawn = figure.get_tightbbox()
         if drawn.x0 >= 0 and drawn.y0 >= 0 and drawn.x1 <= figure.bbox_inches.x1 and drawn.y1 <= figure.bbox_inches.y1:

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fe_squeal.report.branches import figure_text
+from fe_squeal.report.branches import figure_text, title_text
 from fe_squeal.report.files import save_figure
 
 _COLOURS = "viridis"
@@ -52,7 +52,7 @@ def _figure(width: float, height: float, title: str) -> Figure:
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     if title:
-        figure.suptitle(figure_text(title), fontsize=12)
+        figure.suptitle(title_text(title, figure.get_figwidth()), fontsize=12)
     return figure
 
 

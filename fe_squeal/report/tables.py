@@ -83,8 +83,9 @@ def print_unstable(modes: pd.DataFrame, console: Console, onsets: pd.DataFrame |
 
 
 def print_onsets(
-    onsets: pd.DataFrame, console: Console, covered: tuple[float, float | None] | None = None, is_open: bool = False
-) -> None:
+    onsets: pd.DataFrame, console: Console, covered: tuple[float, float | None] | None = None, is_open: bool = False,
+    values: int = 2,
+) -> None:  # fmt: skip
     """Print where modes turn unstable or stable again, in the order of the parameter.
 
     The column beside the value is what the two modes of the pair at the first value of the sweep predict without all
@@ -100,7 +101,11 @@ def print_onsets(
         The range of frequencies, Hz, in which all modes are known; no end where that is all of them.
     is_open : bool
         Whether there are intervals in which an onset may be missing.
+    values : int
+        Of the sweep, which were solved for.
     """
+    if not len(onsets) and values < 2:
+        return  # one value says nothing of where modes become unstable
     if not len(onsets):
         where = f"{covered_text(covered)} in this sweep" if covered else "in this sweep"
         but = ", but where there may be one is not settled everywhere: see the warnings" if is_open else ""

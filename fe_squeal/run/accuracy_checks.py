@@ -21,7 +21,8 @@ def with_mesh(scene: Scene | MatrixScene, what: str) -> Scene:
         It has matrices instead; `what` is the command or option that expects a mesh.
     """
     if isinstance(scene, MatrixScene):
-        raise SceneError(f"{what}: the scene has matrices instead of a mesh; expected one with [mesh]")
+        where = f"{scene.source}: " if scene.source is not None else ""
+        raise SceneError(f"{where}{what}: the scene has matrices instead of a mesh; expected one with [mesh]")
     return scene
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from ..errors import OutputError
-from .folder import RECORD, SHAPES, hold_folder
+from .folder import RECORD, RESULTS, SHAPES, hold_folder
 from .page import tell
 from .view import Z_AXIS
 
@@ -50,7 +50,7 @@ def animate_folder(folder: Path, branch: int | None, file: Path | None, console:
             console.print(f"note: of {len(shapes)} shapes that with the largest Re λ is taken: {taken}", markup=False)
         _write(fastest, file, axis, console)
         return 0
-    with hold_folder(folder):
+    with hold_folder(folder, expected=f"{RESULTS}, or -o FILE elsewhere"):
         for shape in shapes:
             _write(shape, shape[0].with_suffix(FORMATS[0]), axis, console)
     return 0

@@ -60,6 +60,8 @@ _CHECKPOINT_FILES = (CHECKPOINT_INPUTS, *(f"{CHECKPOINT}/{name}.npz" for name in
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}  # files that file browsers leave; an empty folder may have them
 _UNFINISHED = re.compile(re.escape(UNFINISHED).replace(re.escape("{}"), "[0-9a-f]{32}"))
 _NAMED = 3  # files in one message
+RESULTS = "a folder of results with its manifest"  # what a command that shows results expects
+_EXPECTED = "a new or empty folder, or one of earlier results, given by -o"
 _LATER = {*MEASURED_FILES, *MESH_ERROR_FILES, REPORT, MESH}  # that came with the manifest
 _SHAPE_FILE = rf"{SHAPES}/(branch|mode)_\d+\w*[\w.+-]*Hz(\.(vtu|pvd|png|npz|gif)|_frames/[\w.+-]+\.vtu)"
 # Names inside these folders that are made as the work goes on.
@@ -78,7 +80,7 @@ _RECORD_KEYS = {"version", "title", "status", "unknowns", "problem_class", "effe
 
 
 @contextmanager
-def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]:
+def hold_folder(folder: Path, inputs: Iterable[Path] = (), expected: str = _EXPECTED) -> Iterator[Manifest]:
     """Make a folder if it is missing, and hold it during the block, so that no other command writes into it.
 
     Folders that were made for it and stay empty are removed again.
@@ -88,6 +90,8 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
     folder : Path
     inputs : iterable of Path
         The files that the command reads; it must not replace them.
+    expected : str
+        What a message about a folder of other files says that it should be.
 
     Yields
     ------
@@ -100,7 +104,7 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
         Another command holds the folder, it has files that this program did not write, an input is among the files that
         would be replaced, or nothing can be written there.
     """
-    _refuse_foreign(folder)
+    _refuse_foreign(folder, expected)
     made: list[Path] = []
     try:
         with _explained(folder):
@@ -110,7 +114,7 @@ def hold_folder(folder: Path, inputs: Iterable[Path] = ()) -> Iterator[Manifest]
                     place.mkdir()
                     made.append(place)
         with _explained(folder, inside := _Inside()), OpenFolder(folder) as opened, locked(opened):
-            _refuse_foreign(folder)
+            _refuse_foreign(folder, expected)
             manifest = Manifest(opened, () if Manifest.marks(folder) else tuple(_earlier(folder)))
             _refuse_names(manifest)
             _refuse_inputs(manifest, inputs)
@@ -186,7 +190,7 @@ def _explained(folder: Path, inside: _Inside | None = None) -> Iterator[None]:
         ) from error
 
 
-def _refuse_foreign(folder: Path) -> None:
+def _refuse_foreign(folder: Path, expected: str) -> None:
     """Raise OutputError for a folder that is not empty and was not written by this program."""
     try:
         names = sorted(set(os.listdir(folder)) - _LITTER)
@@ -200,8 +204,7 @@ def _refuse_foreign(folder: Path) -> None:
     rest = len(others) - _NAMED
     listed = ", ".join(others[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
     raise OutputError(
-        f"{folder}: holds what fe-squeal did not write ({listed}) and no {MANIFEST}; expected a new or empty folder, or"
-        " one of earlier results, given by -o"
+        f"{folder}: holds what fe-squeal did not write ({listed}) and no {MANIFEST}; expected {expected}"
     )
 
 

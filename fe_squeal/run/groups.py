@@ -16,11 +16,13 @@ from ..mesh.measures import area_of, volume_of
 from ..mesh.raw import RawMesh
 from ..scene import Scene
 
+_OF_FILE = "centre (file)"
 
-def group_table(loaded: LoadedMesh) -> Table:
-    """Return a table of the groups of a checked mesh, with size and place."""
+
+def group_table(loaded: LoadedMesh, in_metres: bool = True) -> Table:
+    """Return a table of the groups of a checked mesh, with size and place, in metres or in the file's own unit."""
     mesh = loaded.mesh
-    table = _table("m3 or m2", "centre (m)")
+    table = _table("m3 or m2", "centre (m)") if in_metres else _table("size (file)", _OF_FILE)
     for name, elements in (mesh.subdomains or {}).items():
         size, centre = volume_of(mesh, np.asarray(elements))
         table.add_row(name, "volume", str(len(elements)), f"{size:.4g}", _point(centre), "")
@@ -34,7 +36,7 @@ def group_table(loaded: LoadedMesh) -> Table:
 
 def raw_group_table(raw: RawMesh) -> Table:
     """Return a table of the groups of a file as they are written, without sizes, since elements may be bad."""
-    table = _table("m3 or m2", "centre (file)")
+    table = _table("size (file)", _OF_FILE)
     cells = [nodes[nodes >= 0] for block in raw.blocks for nodes in block.nodes]
     for name, members in raw.volume_groups.items():
         nodes = [cells[i] for i in members]
@@ -48,7 +50,7 @@ def raw_group_table(raw: RawMesh) -> Table:
     return table
 
 
-def groups_of_file(path: Path, length_unit: str = "m") -> tuple[Table, MeshError | None]:
+def groups_of_file(path: Path) -> tuple[Table, MeshError | None]:
     """Return a table of the groups of a mesh file, and the error if its elements are bad.
 
     Raises
@@ -57,7 +59,7 @@ def groups_of_file(path: Path, length_unit: str = "m") -> tuple[Table, MeshError
         The file cannot be read at all.
     """
     try:
-        return group_table(load_mesh(path, length_unit)), None
+        return group_table(load_mesh(path), in_metres=False), None
     except MeshError as error:
         return raw_group_table(read_raw(path)), error
 
@@ -72,7 +74,7 @@ def groups_of_scene(scene: Scene) -> tuple[Table, MeshError | None]:
     """
     where = f"{scene.source}: " if scene.source is not None else ""
     try:
-        return group_table(read_mesh(scene)), None
+        return group_table(read_mesh(scene), in_metres=scene.units == "SI"), None
     except MeshError as error:
         path = scene.mesh_path
         if path is None or not path.is_file():

@@ -29,6 +29,7 @@ from .folder import (
     PROBABILITY_FIGURE,
     RECORD,
     REPORT,
+    RESULTS,
     SAMPLES_TABLE,
     SCATTER_FIGURE,
     SENSITIVITIES_TABLE,
@@ -139,8 +140,10 @@ def report_folder(folder: Path, file: Path | None, console: Console) -> int:
         file = folder / REPORT
         if not any(folder.iterdir()):
             raise OutputError(f"{folder}: is empty; expected a folder with the results of fe-squeal run")
-        holding: AbstractContextManager[object] = hold_folder(folder)
+        holding: AbstractContextManager[object] = hold_folder(folder, expected=f"{RESULTS}, or -o FILE.html elsewhere")
     else:
+        if file.suffix.lower() not in (".html", ".htm"):
+            raise OutputError(f"{file}: given by -o; expected a name that ends in .html")
         refuse_foreign(file)
         listed = file.name == REPORT and Manifest.marks(file.parent)
         holding = hold_folder(file.parent) if listed else nullcontext()

@@ -69,7 +69,7 @@ def show_finished(out: Path, console: Console) -> int:
         onsets, modes = (read_table(out / name) for name in (ONSETS_TABLE, MODES_TABLE))
         record = read_json(out / RECORD) or {}
         covered, is_open = record.get("frequency_range_hz"), bool((record.get("onsets_complete") or {}).get("open"))
-        print_onsets(onsets, console, tuple(covered) if covered else None, is_open)
+        print_onsets(onsets, console, tuple(covered) if covered else None, is_open, modes["value"].nunique())
         print_unstable(modes, console, onsets)
     except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:  # it was changed
         raise OutputError(

@@ -331,7 +331,7 @@ def sweep_so_far(stop: NotConvergedError | KeyboardInterrupt) -> Sweep | None:
 def report_sweep(scene: Scene | MatrixScene, result: Sweep, out: Path, console: Console, seconds: float) -> None:
     """Print what a run has found."""
     covered = frequency_range(scene, result)
-    print_onsets(result.onsets_dataframe(), console, covered, bool(result.unsettled))
+    print_onsets(result.onsets_dataframe(), console, covered, bool(result.unsettled), len(result.values))
     print_unstable(result.to_dataframe(), console, result.onsets_dataframe())
     c = result.completeness
     how = "LAPACK finds all modes" if result.points[0].modes.exhaustive else "by the inertia of K − σM"

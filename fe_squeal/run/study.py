@@ -22,6 +22,7 @@ from ..report.warnings import told_once
 from ..scene import MatrixScene, Scene
 from ..scene.solver import solver_of
 from ..scene.study import StudySection
+from ..study.pools import Processes, require_processes
 from ..study.solving import check_method
 from ..version import __version__
 from .checkpoint import read_json
@@ -110,6 +111,7 @@ def _study(
         console.print(f"results in {out} are complete: nothing is left to resume", markup=False)
         return 0
     held.check(is_study_result)
+    require_processes(Processes(workers, scheduler))
     problem = assemble(scene, mesh)
     for text in told_once(scene_warnings(problem)):
         console.print(f"warning: {text}", markup=False)

@@ -28,6 +28,20 @@ def checked_name(text: str) -> str:
         raise ValueError(str(error)) from error
 
 
+def joined_paths(value: object) -> str:
+    """Return a path or a list of paths as one name, with "mu" short for effects.friction.mu.
+
+    Raises
+    ------
+    ValueError
+        It is neither, or as `checked_name`.
+    """
+    paths = [p for p in (value if isinstance(value, list) else [value]) if isinstance(p, str) and p.strip()]
+    if not paths or (isinstance(value, list) and len(paths) < len(value)):
+        raise ValueError('expected "mu", the path of a number such as "springs.NAME.damping", or a list of paths')
+    return checked_name(", ".join(paths))
+
+
 class SweepSection(Section):
     """Values of the parameter that the sweep takes: `from`, `to` and `points`, or `values`.
 
@@ -55,12 +69,8 @@ class SweepSection(Section):
 
     @field_validator("parameter", mode="before")
     @classmethod
-    def _paths(cls, value: object) -> object:
-        """Join a list of paths into one name, with "mu" short for effects.friction.mu."""
-        paths = [p for p in (value if isinstance(value, list) else [value]) if isinstance(p, str) and p.strip()]
-        if not paths or (isinstance(value, list) and len(paths) < len(value)):
-            raise ValueError('expected "mu", the path of a number such as "springs.NAME.damping", or a list of paths')
-        return checked_name(", ".join(paths))
+    def _paths(cls, value: object) -> str:
+        return joined_paths(value)
 
     @field_validator("values")
     @classmethod

@@ -146,7 +146,7 @@ def _expected(fault: _Fault, where: str) -> str:
         exactly = detail["field_type"] == "Tuple"
         return f"{'' if exactly else 'at most '}{_entries(detail['max_length'])}"
     if kind == "literal_error":
-        return "one of " + detail["expected"].replace("'", '"')
+        return _words(detail["expected"].replace("'", '"'), _field(fault.section, fault.keys[-1]))
     if kind in _SIGNS:
         bound = next(iter(detail.values()))
         return f"{_KINDS[type(bound)]} {_SIGNS[kind]} {bound:g}"
@@ -159,6 +159,12 @@ def _expected(fault: _Fault, where: str) -> str:
     if kind == "float_type" and isinstance(fault.given, int) and not isinstance(fault.given, bool):
         kind = "finite_number"  # too many digits for a float
     return _EXPECTED.get(kind, kind.replace("_", " "))
+
+
+def _words(expected: str, field: FieldInfo | None) -> str:
+    """Return which words a value may be, and that it may be a number where the field takes one."""
+    words = f"one of {expected}" if expected.count('"') > 2 else expected
+    return f"{words}, or a number" if field is not None and float in options(field.annotation) else words
 
 
 def _wanted(section: type[BaseModel], key: int | str, where: str) -> str:

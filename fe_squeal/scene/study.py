@@ -14,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from ..errors import suggest
 from ..problem.parameters import paths_of
 from ..schema.section import Positive, Section
-from .control import checked_name
+from .control import checked_name, joined_paths
 
 _Pair = Annotated[tuple[str, str, float], Field(strict=False)]
 
@@ -199,10 +199,10 @@ class Axis(Section):
     points: Annotated[int, Field(ge=3, le=2001)]
     scale: Literal["linear", "log"] = "linear"
 
-    @field_validator("parameter")
+    @field_validator("parameter", mode="before")
     @classmethod
-    def _name(cls, value: str) -> str:
-        return checked_name(value)
+    def _name(cls, value: object) -> str:
+        return joined_paths(value)
 
     @model_validator(mode="after")
     def _rising(self) -> Axis:
@@ -258,6 +258,23 @@ class StudySection(Section):
     x: Axis | None = None
     y: Axis | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
+
+    @model_validator(mode="before")
+    @classmethod
+    def _behind_the_numbers(cls, data: object) -> object:
+        """Take `correlation` from the end of [study.parameters], where it is written beside the numbers it is about."""
+        numbers = data.get("parameters") if isinstance(data, dict) else None
+        if not isinstance(data, dict) or not isinstance(numbers, dict):
+            return data
+        for key, value in numbers.items():
+            if key in cls.model_fields and key != "correlation" and not isinstance(value, dict):
+                raise ValueError(f"parameters.{key}: is no number of the scene; expected it above [study.parameters]")
+        if not isinstance(numbers.get("correlation"), list):
+            return data
+        if "correlation" in data:
+            raise ValueError("correlation: given above and inside of [study.parameters]; expected it once")
+        rest = {key: value for key, value in numbers.items() if key != "correlation"}
+        return {**data, "parameters": rest, "correlation": numbers["correlation"]}
 
     @field_validator("bands")
     @classmethod

@@ -168,20 +168,22 @@ def _itself(shared: Any) -> Any:
     return shared
 
 
-@contextmanager
-def pool_of(processes: Processes | None) -> Iterator[Pool]:
-    """Yield what does work in this process or in others.
+def require_processes(processes: Processes) -> None:
+    """Check, before long work is done for them, that other processes can be had.
 
     Raises
     ------
-    SceneError
-        Other processes are asked for, and dask.distributed is not installed.
-    NotConvergedError
-        The scheduler does not answer, is gone, or has workers without this version of the program.
+    SceneError, NotConvergedError
+        As `pool_of`; that workers can be started is seen when they are.
     """
-    if processes is None or not (processes.workers or processes.scheduler):
-        yield Here()
-        return
+    if processes.scheduler:
+        with pool_of(processes):
+            pass
+    elif processes.workers:
+        _distributed()
+
+
+def _distributed() -> Any:
     try:
         import distributed
     except ImportError as error:
@@ -189,6 +191,24 @@ def pool_of(processes: Processes | None) -> Iterator[Pool]:
             "--workers and --scheduler need dask.distributed, which is not installed; expected"
             ' pip install "fe-squeal[cluster]"'
         ) from error
+    return distributed
+
+
+@contextmanager
+def pool_of(processes: Processes | None) -> Iterator[Pool]:
+    """Yield what does work in this process or in others.
+
+    Raises
+    ------
+    SceneError
+        Other processes are asked for, and dask.distributed is not installed, or what is given is no address.
+    NotConvergedError
+        The scheduler does not answer, is gone, or has workers without this version of the program.
+    """
+    if processes is None or not (processes.workers or processes.scheduler):
+        yield Here()
+        return
+    distributed = _distributed()
     with _client(distributed, processes) as client:
         yield Cluster(distributed, client)
 
@@ -199,7 +219,12 @@ def _client(distributed: Any, processes: Processes) -> Iterator[Any]:
     if processes.scheduler:
         try:
             client = distributed.Client(processes.scheduler, timeout=_PATIENCE)
-        except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:  # by the kind of the address
+        except ValueError as error:  # it cannot be taken apart
+            raise SceneError(
+                f"--scheduler: given {processes.scheduler}; expected an address such as tcp://10.0.0.5:8786"
+                f" ({_told_by(error)})"
+            ) from error
+        except (ImportError, OSError, RuntimeError, TypeError) as error:  # by the kind of the address
             raise NotConvergedError(
                 f"--scheduler: no scheduler of Dask answers at {processes.scheduler} ({_told_by(error)})"
             ) from error

@@ -133,21 +133,21 @@ def scatter(
 
 
 def _edges(bands: Sequence[float] | None, modes: np.ndarray, known: float) -> np.ndarray:
-    """Return the edges (b + 1,) of the bands, Hz: those given, or octaves about 1 kHz.
+    """Return the edges (b + 1,) of the bands, Hz: those given, or 0 and octaves about 1 kHz.
 
-    These go as far as all modes of every sample are `known`, Hz, and cover all unstable modes.
+    These go as far as all modes of every sample are `known`, Hz, and cover all unstable modes; what is below the octave
+    of the lowest of these is one band.
     """
     if bands is not None:
         return np.asarray(bands, float)
     hz = modes[:, 1]
     if not len(hz) and not np.isfinite(known):
-        return np.array([1000.0, 2000.0])
+        return np.array([0.0, 1000.0, 2000.0])
     top = max(float(hz.max(initial=62.5)), 62.5) / 1000.0
     whole = np.floor(np.log2(known / 1000.0)) if np.isfinite(known) and known > 0 else -np.inf
     high = max(np.floor(np.log2(top)) + 1, whole) if len(hz) else max(whole, -4.0)
     low = np.floor(np.log2(max(float(hz.min()), 62.5) / 1000.0)) if len(hz) else high - 1
-    edges = 1000.0 * 2.0 ** np.arange(low, high + 1)
-    return np.concatenate([[0.0], edges]) if not len(hz) or hz.min() < edges[0] else edges
+    return np.concatenate([[0.0], 1000.0 * 2.0 ** np.arange(low, high + 1)])
 
 
 def _check_values(

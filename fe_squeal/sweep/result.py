@@ -81,7 +81,7 @@ class Sweep:
 
     @property
     def method(self) -> str:
-        """How the modes were solved for: "direct", "reduced" or "modal"."""
+        """How the modes at the first value were found, in words, such as "reduced model of 211 vectors"."""
         return self.points[0].modes.method
 
     @property

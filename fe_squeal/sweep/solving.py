@@ -73,6 +73,7 @@ class ValueSolver:
         self._is_swept, self._scale = len(values) > 1, Scale.of(values)
         self.guarded = _with_guard(request) if self._is_swept else request
         self.model: ReducedModel | None = None
+        self._is_modal = False
         self.tracked, self.mass = problem, problem.mass
         self._describer: Describer | None = None
         self._described: Columns | None = None  # the basis in whose coordinates the describer takes shapes
@@ -100,7 +101,7 @@ class ValueSolver:
         """
         if not is_reduced(self.problem, self.parameter, len(values), method):
             return
-        clock = self._clock.now()
+        self._is_modal, clock = method == "modal", self._clock.now()
         stored = None if store is None else store.load_model()
         # The reduced model has to be accurate between the values too, where steps are halved and onsets are found.
         places, solver = self._scale.filled(values, CHECKED), self.linear_solver
@@ -109,9 +110,8 @@ class ValueSolver:
                 if stored is not None:
                     model = ReducedModel.restored(self.problem, self.parameter, places, self.guarded, *stored, solver)
                 else:
-                    modal, swinging = method == "modal", method == "auto"
                     model = ReducedModel(
-                        self.problem, self.parameter, places, self.guarded, modal, solver, swinging,
+                        self.problem, self.parameter, places, self.guarded, self._is_modal, solver, method == "auto",
                         self.request.count or 0,
                     )
         except (NotConvergedError, SceneError) as error:  # a scene may have no static state at one of the values
@@ -122,7 +122,7 @@ class ValueSolver:
             return
         self.model, self.tracked = model, model.projected
         self.mass = self.tracked.mass
-        if method == "modal":
+        if self._is_modal:
             self.told.add(
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
             )
@@ -146,6 +146,8 @@ class ValueSolver:
         clock = self._clock.now()
         if self.model is not None:
             modes = self.model.modes(value)
+            if self._is_modal:
+                modes = replace(modes, method=f"modal projection on {len(self.model.basis)} vectors")
         else:
             try:
                 pencil = self.problem.pencil({self.parameter: value})

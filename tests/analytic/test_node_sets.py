@@ -9,7 +9,7 @@ import pytest
 from deck_texts import deck_of
 
 import fe_squeal
-from fe_squeal.accuracy.two_level import prolongation
+from fe_squeal.accuracy.prolongation import prolongation
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh import load_mesh
 from fe_squeal.mesh.groups import NodeSet

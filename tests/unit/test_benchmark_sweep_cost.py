@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import performance
 import sweep_cost
 
+SMALL = replace(next(m for m in sweep_cost.MODELS if m.name == "weak"), modes=8, stop=0.6)
+
 
 @pytest.fixture(scope="module")
 def own():
-    return sweep_cost.measure("reduced", 0.03, 8, 5)
+    return sweep_cost.measure("reduced", SMALL, 0.03, 5)
 
 
 @pytest.mark.slow
@@ -28,7 +31,7 @@ def test_reduced_sweep_is_accurate(own):
 @pytest.mark.slow
 def test_other_ways_run_on_the_same_problem(own):
     for way in ("direct", "scipy"):
-        other = sweep_cost.measure(way, 0.03, 8, 1)
+        other = sweep_cost.measure(way, SMALL, 0.03, 1)
         assert other["unknowns"] == own["unknowns"] and other["seconds"] > 0
 
 
@@ -36,15 +39,15 @@ def test_other_ways_run_on_the_same_problem(own):
 @pytest.mark.parametrize("seconds", [0.4, 3.0])
 def test_table_and_chart(monkeypatch, tmp_path, own, seconds):
     def run(way, *_):
-        return own if way == "reduced" else {"unknowns": own["unknowns"], "seconds": 1.0, "MiB": 100.0}
+        return own if way == "reduced" else {"model": "weak", "unknowns": own["unknowns"], "seconds": 1.0, "MiB": 100.0}
 
     own = own | {"seconds": seconds}
     monkeypatch.setattr(sweep_cost, "run", run)
-    rows = sweep_cost.compare([0.03], 8, [5, 9], ["direct", "reduced"])
+    rows = sweep_cost.compare([SMALL], [0], [5, 9], ["direct", "reduced"])
     lines = sweep_cost.table(rows).splitlines()
     assert len(lines) == 2 + 2 * 2
-    assert {len(line.strip("|").split("|")) for line in lines} == {8}
-    assert f"| {own['unknowns']} | 9 | ARPACK + PARDISO | 9.0 |" in lines[4]
+    assert {len(line.strip("|").split("|")) for line in lines} == {9}
+    assert f"| weak | {own['unknowns']} | 9 | direct, PARDISO | 9.0 |" in lines[4]
     sweep_cost.draw(rows, tmp_path / "chart.png")
     ways = {"#1b6ca8": own["seconds"], "#b5b5b5": 9.0}  # the longest bar of each, on a logarithmic axis
     lengths = {colour: longest_bar(tmp_path / "chart.png", colour) for colour in ways}

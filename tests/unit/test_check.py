@@ -173,3 +173,16 @@ def test_files_of_measured_frequencies_are_read(tmp_path, capsys):
         assert code == 2 and "squeal.csv" in err and err.count("\n") == 1
     (tmp_path / "squeal.csv").write_text("frequency_hz\n650\n")
     assert checked(capsys, path)[0] == 0
+
+
+def test_names_of_mesh_files_alone_are_suggested(tmp_path, capsys):
+    write_scene(tmp_path)
+    (tmp_path / "blok.txt").write_text("")
+    _, _, err = checked(capsys, tmp_path / "blok.msh", "--groups")
+    assert "block.msh" in err and "blok.txt" not in err
+
+
+def test_sizes_of_a_bare_file_have_its_own_unit(tmp_path, capsys):
+    scene = write_scene(tmp_path)
+    assert "centre (file)" in checked(capsys, tmp_path / "block.msh", "--groups")[1]
+    assert "centre (m)" in checked(capsys, scene, "--groups")[1]

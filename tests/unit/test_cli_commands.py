@@ -31,10 +31,10 @@ def run_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     ("arguments", "message"),
     [
         (["rnu", "a.toml"], "error: No such command 'rnu'."),
-        (["run"], "error: Missing argument 'SCENE.toml'.; see fe-squeal --help"),
+        (["run"], "error: Missing argument 'SCENE.toml'; see fe-squeal --help"),
         (["run", "a.toml", "b.toml"], "error: Got unexpected extra argument(s) (b.toml); see fe-squeal --help"),
         (["run", "a.toml", "--ouput", "b"], "error: No such option: --ouput"),
-        (["run", "a.toml", "-o"], "error: Option '-o' requires an argument.; see fe-squeal --help"),
+        (["run", "a.toml", "-o"], "error: Option '-o' requires an argument; see fe-squeal --help"),
     ],
 )
 def test_wrong_command_lines(capsys: pytest.CaptureFixture[str], arguments: list[str], message: str) -> None:

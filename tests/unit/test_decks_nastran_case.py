@@ -135,3 +135,13 @@ def test_pressures_that_are_given_again_add_up(tmp_path):
         assert not told(draft)
         loads.append(fe_squeal.assemble(scene).discretisation.static_state.load[2])
     assert loads[1] == pytest.approx(loads[0] * (2 + 1.5 / len(again)), rel=1e-12) and len(again) == 6
+
+
+@pytest.mark.parametrize(("case", "what"), [
+    ("SPC = 9\nMETHOD = 3\nLOAD = 5\n", "SPC: the case control selects set 9"),
+    ("SPC = 7\nMETHOD = 3\nLOAD = 9\n", "LOAD: the case control selects set 9"),
+])  # fmt: skip
+def test_sets_that_are_selected_and_not_there_are_asked_for(tmp_path, case, what):
+    missing = drafted(tmp_path, case).missing
+    assert [line for line in missing if line.startswith(what) and "which the deck does not have" in line]
+    assert not any("selects set" in line for line in drafted(tmp_path, CASE).missing)

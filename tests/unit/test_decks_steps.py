@@ -219,3 +219,16 @@ def test_materials_without_solids_say_nothing_of_units(tmp_path):
     dummy = "*Material, name=SKIN\n*Elastic\n1., 0.\n*Density\n1.E-12\n"
     plain, more = (draft_of(written(tmp_path, text + STEP.format(10))) for text in (BLOCK, BLOCK + dummy))
     assert (more.units, more.head[1:]) == (plain.units, plain.head[1:]) and more.units == "SI"
+
+
+@pytest.mark.parametrize("line", [",GRAV, 9810., 0., 0., -1.", "P, GRAV, 9810., 0., 0., -1.", ", CENTRIF, 1., 0., 0."])
+def test_loads_of_the_whole_model_are_told(tmp_path, line):
+    """A line without a set is a load of all elements."""
+    text = BLOCK + FIRST.replace("P, P2, 1.\n", f"P, P2, 1.\n{line}\n")
+    (found,) = [f for f in draft_of(written(tmp_path, text)).findings if f.what.startswith("*Dload")]
+    assert "is a load that is not simulated" in found.text
+
+
+def test_a_second_material_of_one_name_is_asked_about(tmp_path):
+    text = BLOCK + "*Material, name=s\n*Elastic\n9., 0.3\n" + FIRST
+    assert [line for line in draft_of(written(tmp_path, text)).missing if 'two materials "s"' in line]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import skfem
@@ -10,7 +12,7 @@ import fe_squeal
 from fe_squeal.errors import MeshError, SceneError
 from fe_squeal.mesh.building import build_mesh
 from fe_squeal.mesh.raw import CellBlock, RawMesh
-from meshes import BELT, STEEL, box, join, make_problem, mapped
+from meshes import BELT, STEEL, annulus, box, join, make_problem, mapped
 
 PAD = {"surface": "bottom_a", "counterface": "top_b", "normal_stiffness": 1e12, "sliding": BELT}
 
@@ -270,3 +272,63 @@ def test_reversed_sliding_is_a_negative_mu_where_nothing_damps_slip():
     reversed_ = make_problem(blocks(), 1, contacts=[back], effects={"friction": {"mu": 0.3}})
     K = [p.pencil({"mu": mu}).K for p, mu in ((forth, -0.3), (reversed_, 0.3))]
     assert abs(K[0] - K[1]).max() <= 1e-12 * abs(K[0]).max()
+
+
+def test_places_in_another_unit_are_told():
+    """An axis 100 m from a model of 1 m, and a reference; not an axis whose centre is a far point of itself."""
+    axis = {"axis": [0.0, 0.0, 1.0], "speed": 1.0}
+    far = [PAD | {"sliding": {**axis, "centre": [100.0, 0.0, 0.0]}}]
+    assert any("the axis of sliding lies" in sentence for sentence in told(blocks(), contacts=far))
+    along = [PAD | {"sliding": {**axis, "centre": [0.5, 0.5, 100.0]}}]
+    assert not any("lies" in sentence for sentence in told(blocks(), contacts=along))
+    rigid = [{"name": "r", "surface": "top_a", "reference": [50.0, 0.0, 17.0]}]
+    assert any("rigid[0]: the reference lies" in sentence for sentence in told(blocks(), rigid=rigid, contacts=[PAD]))
+
+
+@pytest.mark.parametrize(("stiffness", "is_told"), [(1e3, True), (1.2e4, True), (1e10, False), (1e14, False),
+                                                   (1e22, True)])  # fmt: skip
+def test_a_contact_stiffness_far_from_that_of_materials_is_told(stiffness, is_told):
+    found = told(blocks(), contacts=[PAD | {"normal_stiffness": stiffness}])
+    assert any("normal_stiffness" in sentence and "usual" in sentence for sentence in found) == is_told
+
+
+def test_two_contacts_that_move_one_body_differently_are_told():
+    mesh = join(*(box("hex1", (1, 1, 1), name=name, corner=(0, 0, -z)) for z, name in enumerate("abc")))
+    both = [PAD | {"name": "one"}, {**PAD, "name": "two", "surface": "top_c", "counterface": "bottom_b"}]
+    assert not any("differently" in sentence for sentence in told(mesh, contacts=both))
+    both[1]["sliding"] = {**BELT, "speed": -BELT["speed"]}
+    assert any("contacts one and two move body b differently" in sentence for sentence in told(mesh, contacts=both))
+
+
+def wheel(**effects):
+    """A wheel that a soft spring holds against turning, pressed by a ring of shoes; k of its turning, N m/rad."""
+    rings = join(annulus("hex2", (1, 12, 1), 0.05, 0.08, 0.02, name="w"),
+                 annulus("hex2", (1, 12, 1), 0.08, 0.10, 0.02, name="s"))  # fmt: skip
+    along = (("x", [1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1]))
+    problem = make_problem(
+        rings, 2, materials={"st": STEEL, "so": {**STEEL, "youngs_modulus": 2e9}},
+        bodies={"w": {"material": "st"}, "s": {"material": "so"}},
+        averaged=[{"name": "hub", "surface": "hub_w", "reference": [0, 0, 0.01], "fixed": "xyz rx ry",
+                   "springs": [{"axis": [0, 0, 1], "stiffness": 50.0}]}],
+        springs=[{"name": n, "surface": "rim_s", "direction": d, "stiffness": 1e8} for n, d in along],
+        contacts=[{"name": "c", "surface": "hub_s", "counterface": "rim_w", "normal_stiffness": 1e12,
+                   "kind": "frictionless", "sliding": {"axis": [0, 0, 1], "speed": 5.0}}],
+        effects={"preload": {"pressures": {"rim_s": 2e6}}, **effects},
+    )  # fmt: skip
+    found = problem.discretisation
+    space, nodes = found.space, np.unique(found.space.dofs.element_dofs[:, found.bodies["w"]])
+    u = np.zeros((space.nodes, 3))
+    u[nodes] = np.cross([0, 0, 1], space.coordinates[nodes])
+    turned = space.gather(u)
+    return found, turned @ (problem.pencil().K @ turned)
+
+
+def test_stress_stiffening_beside_a_curved_pressed_contact_is_told_with_its_size():
+    """Even pressure on a wheel has no moment, however it is turned; K_σ alone gives −p r A = −∫f·x of the forces."""
+    (plain, soft), (stiffened, k) = wheel(), wheel(stress_stiffening={})
+    force = stiffened.static_state.contacts["c"].normal_force
+    assert soft == pytest.approx(50.0, rel=1e-3) and k == pytest.approx(50.0 - 0.08 * force, rel=1e-2)
+    assert not any("curved" in sentence for sentence in plain.warnings)
+    (told_of,) = [sentence for sentence in stiffened.warnings if "its surface is curved and pressed" in sentence]
+    size = float(re.search(r"about ([\d.e+]+) N m/rad", told_of).group(1))
+    assert size == pytest.approx(0.08 * force, rel=0.01)

@@ -17,7 +17,7 @@ from test_refining import bent
 import fe_squeal
 from fe_squeal import from_skfem
 from fe_squeal.accuracy import with_discretisation
-from fe_squeal.accuracy.two_level import reference_coordinates
+from fe_squeal.accuracy.prolongation import reference_coordinates
 from fe_squeal.errors import MeshError
 from fe_squeal.fem.contact import interpolation
 from fe_squeal.geometry import Block, make_mesh

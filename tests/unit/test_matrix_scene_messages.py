@@ -201,3 +201,10 @@ def test_units_of_matrices(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     write(MASS, STIFFNESS, parameters='units = "inch"\n')
     assert main(["check", "a.toml"]) == 2
     assert 'a.toml: units: given "inch"; expected' in capsys.readouterr().err
+
+
+def test_a_mass_that_is_not_positive_is_refused(folder, capsys):
+    np.save(folder / "m.npy", np.diag([0.5, -0.5, 1.0]))
+    write(MASS, STIFFNESS)
+    assert main(["check", "a.toml"]) == 2
+    assert "the mass matrix has -0.5 on its diagonal in row 2" in capsys.readouterr().err

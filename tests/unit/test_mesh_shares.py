@@ -11,10 +11,10 @@ import skfem
 
 from fe_squeal import assemble, from_skfem, load_scene, parse_scene, sweep
 from fe_squeal.accuracy.estimate import changes_by
+from fe_squeal.accuracy.prolongation import prolongation
 from fe_squeal.accuracy.quantities import split_changes
 from fe_squeal.accuracy.refined import refine_problem
 from fe_squeal.accuracy.shares import Hierarchy, lattice_of
-from fe_squeal.accuracy.two_level import prolongation
 from fe_squeal.assembly.assembly import Assembly
 from fe_squeal.fem.spaces import make_space
 from fe_squeal.mesh.refining import refine

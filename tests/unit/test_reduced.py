@@ -200,6 +200,7 @@ def test_modal_projection_tells_its_error():
     problem = chain()
     result = sweep(problem, VALUES, modes=MODES, method="modal")
     assert any("modal projection" in d for d in result.warnings)
+    assert result.method.startswith("modal projection on")
     model = ReducedModel(problem, "mu", VALUES, Request(count=MODES), modal=True)
     errors = []
     for mu in VALUES[1:]:

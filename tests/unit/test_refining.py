@@ -5,7 +5,7 @@ import pytest
 from selection import some
 
 from fe_squeal import from_skfem
-from fe_squeal.accuracy.two_level import prolongation
+from fe_squeal.accuracy.prolongation import prolongation
 from fe_squeal.mesh.measures import area_of, volume_of
 from fe_squeal.mesh.refining import refine
 from meshes import KINDS, annulus, box, distorted, make_problem, mapped

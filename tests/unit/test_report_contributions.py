@@ -163,7 +163,7 @@ def test_a_body_has_one_colour_and_all_terms_differ():
 def test_without_unstable_modes_the_figure_says_so(tmp_path):
     contributions, modes = tables(1)
     figure = contributions_figure(contributions.iloc[:0], modes, "disc")
-    assert "no unstable mode in this sweep" in [text.get_text() for text in figure.texts]
+    assert "no unstable mode" in [text.get_text() for text in figure.texts]
     assert_nothing_overlaps(figure)
     assert image.imread(plot_contributions(contributions.iloc[:0], modes, tmp_path / "none.png")).std() > 0.01
 

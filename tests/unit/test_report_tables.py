@@ -240,3 +240,7 @@ def test_a_number_that_no_mode_has_leaves_the_table_there(tmp_path, table, colum
     rows = {"value": 0.7, "mode": [1, 1], "term": ["a", "b"], "number": ["a", "b"], "at": 1.0}
     write_csv(pd.DataFrame({**rows, column: [1.0, np.nan]}), tmp_path / f"{table}.csv")
     assert len(getattr(read_run(tmp_path), table)) == 2
+
+
+def test_one_value_says_nothing_of_onsets():
+    assert printed(partial(print_onsets, values=1), no_onsets()) == ""

@@ -52,6 +52,8 @@ WRONG_TYPES = [
     ("order = 1", "order = 1.0", "mesh.order: given 1.0; expected 1, 2, or, for hexahedra, 3"),
     ("order = 1", "length_unit = 'inch'", 'mesh.length_unit: given "inch"; expected one of "m" or "mm"'),
     ('"block.msh"', "3", "mesh.file: given 3; expected a text in quotes"),
+    ("[effects.friction]", '[effects.preload]\nmu = "swep"\n[effects.friction]',
+     'effects.preload.mu: given "swep"; expected "swept", or a number'),
     ('"block.msh"', '""', 'mesh.file: given ""; expected a text that is not empty'),
     ("modes = 8", "modes = true", "solve.modes: given true; expected a whole number"),
     ("modes = 8", "modes = 1.5", "solve.modes: given 1.5; expected a whole number"),

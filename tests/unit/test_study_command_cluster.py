@@ -20,7 +20,7 @@ import pytest
 import fe_squeal.run.run
 from fe_squeal.cli import main
 from fe_squeal.errors import NotConvergedError
-from fe_squeal.study import pools
+from fe_squeal.study import pools, solving
 from tests.studies import SCATTER, write_study
 
 SAMPLES = SCATTER.replace("[study]", "[study]\nindices = false")  # these would start a cluster of their own
@@ -105,7 +105,7 @@ def test_a_cluster_that_loses_a_part(scene, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nowhere"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9"])
 def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monkeypatch, address):
     """Without certificates nothing is sent to an address of TLS."""
     pytest.importorskip("distributed")
@@ -115,6 +115,14 @@ def test_a_scheduler_that_does_not_answer_is_told(scene, tmp_path, capsys, monke
     said = capsys.readouterr().err
     assert f"no scheduler of Dask answers at {address}" in said and said.count("\n") == 1
     assert NotConvergedError.exit_code == 3
+
+
+def test_what_is_no_address_is_refused_before_anything_is_solved(scene, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(solving, "make_solver", lambda *_, **__: pytest.fail("a model is made"))
+    assert main(["study", str(scene(SCATTER)), "-o", str(tmp_path / "out"), "--scheduler", "nowhere"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: --scheduler: given nowhere; expected an address") and said.count("\n") == 1
 
 
 @pytest.mark.slow

@@ -148,3 +148,22 @@ def test_both_axes_of_a_map_with_the_same_number_are_refused_from_python_too():
         axes = ({"parameter": name, "from": 0.1, "to": 0.4, "points": 3} for name in (x, y))
         with pytest.raises(SceneError, match=r'^stability_map: .*given "mu" twice; expected every path once'):
             fe_squeal.stability_map(problem, *axes)
+
+
+def test_a_correlation_may_stand_behind_the_numbers_it_is_about():
+    numbers = {"mu": {"normal": {"mean": 0.4, "deviation": 0.05}},
+               "materials.steel.density": {"normal": {"mean": 7800.0, "deviation": 10.0}}}  # fmt: skip
+    pair = [["mu", "materials.steel.density", -0.4]]
+    inside = parse_scene(study({**numbers, "correlation": pair})).study
+    assert inside == parse_scene(study(numbers, correlation=pair)).study and inside.names == tuple(numbers)
+    with pytest.raises(SceneError, match=r"correlation: given above and inside of \[study.parameters\]"):
+        parse_scene(study({**numbers, "correlation": pair}, correlation=pair))
+    with pytest.raises(SceneError, match=r"parameters.samples: .*expected it above \[study.parameters\]"):
+        parse_scene(study({**numbers, "samples": 16}))
+
+
+def test_an_axis_of_a_map_takes_a_list_of_paths():
+    x, y = ({"from": a, "to": b, "points": 3} for a, b in ((1e5, 1e6), (0, 1)))
+    paths = ["springs.up_1.stiffness", "springs.up_2.stiffness"]
+    scene = {**SCENE, "study": {"x": {"parameter": paths, **x}, "y": {"parameter": "mu", **y}}}
+    assert parse_scene(scene).study.x.parameter == ", ".join(paths)

@@ -27,6 +27,9 @@ SUBOPTIONS = {
 def read_material(content: Content, statement: Statement) -> None:
     """Take *Material: what follows belongs to it."""
     name = statement.block.value("NAME")
+    if name.upper() in content.substances:
+        text = f'the deck has two materials "{name}", whose numbers are mixed here; give those that are meant'
+        content.draft.find("*Material", content.where(statement), text, "missing")
     content.substance = content.substances.setdefault(name.upper(), Substance(name, content.where(statement)))
 
 

@@ -97,7 +97,7 @@ def read_face_load(content: Content, statement: Statement) -> None:
         _tell_again(content, statement, faces.name)
         content.pressures[faces.name, statement.scope] = value, where
         taken += len(faces.lines)
-    if taken < sum(bool(fields(line)[0]) for line in block.lines):
+    if taken < sum(any(fields(line)) for line in block.lines):  # without a set it is a load of the whole model
         text = "is a load that is not simulated: the static state has only what [effects.preload] says"
         content.draft.find("*Dload, other than P1 to P6", where, text)
 
@@ -211,8 +211,7 @@ def _pressures(content: Content, references: References) -> dict[str, Value]:
 def write_solution(content: Content, mu: float | None) -> None:
     """Write [sweep] and [solve]."""
     if mu:
-        table = content.draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
-        table.comments.append("Not of the deck, which has one coefficient: the way up to it shows the onsets.")
+        content.draft.add_sweep(mu, "deck")
     procedure, values = content.procedure, dict[str, Value]()
     if procedure.modes:
         values["modes"] = procedure.modes

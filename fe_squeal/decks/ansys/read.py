@@ -174,8 +174,7 @@ def _write_effects(content: Content, mu: float | None) -> None:
         if factor:
             draft.tell_damping_of_all(what, "", of_mass=what == "ALPHAD")
     if mu:
-        table = draft.add("sweep", values={"parameter": "mu", "from": 0.0, "to": mu, "points": 21})
-        table.comments.append("Not of the archive, which has one coefficient: the way up to it shows the onsets.")
+        draft.add_sweep(mu, "archive")
 
 
 def _write_solution(content: Content) -> None:

@@ -54,6 +54,9 @@ def _selected_supports(deck: Deck) -> set[int]:
             text = f"the case control selects none of {', '.join(map(str, sorted(sets)))}: all are taken"
             deck.draft.find("SPC", "", text)
         return sets
+    there = sets | {deck.whole(card, 0) for card in deck.of("SPCADD")}
+    for missing in sorted(named - there):
+        deck.draft.find("SPC", "", f"the case control selects set {missing}, which the deck does not have", "missing")
     for card in deck.of("SPCADD"):
         if deck.whole(card, 0) in named:
             named = named | set(deck.grids(card, 1))

@@ -10,6 +10,12 @@ from ..draft import Value
 from .cards import Deck
 from .materials import clean
 
+# What a load set may be made of.
+_LOADS = (
+    "PLOAD4", "LOAD", "PLOAD", "PLOAD1", "PLOAD2", "PLOADX1", "FORCE", "FORCE1", "FORCE2", "MOMENT", "MOMENT1",
+    "MOMENT2", "GRAV", "ACCEL", "ACCEL1", "RFORCE", "SLOAD", "SPCD", "TEMP", "TEMPD",
+)  # fmt: skip
+
 
 def write_effects(deck: Deck, blocks: Sequence[CellBlock], mu: float | None) -> None:
     """Write friction, and the pressures that the case control selects, all of the deck where it selects none.
@@ -65,6 +71,9 @@ def _factors(deck: Deck) -> dict[int, float] | None:
         for card in cards[:1]:
             deck.find(card, "is selected by no case control and left out: the sets of PLOAD4 are taken as they are")
         return None
+    there = {card.text(0) for card in deck.of(*_LOADS)}
+    for missing in sorted(sid for sid in named if str(sid) not in there):
+        deck.draft.find("LOAD", "", f"the case control selects set {missing}, which the deck does not have", "missing")
     found = dict.fromkeys(named, 1.0)
     pressures = {deck.whole(card, 0) for card in deck.of("PLOAD4")}
     for card in cards:

@@ -131,6 +131,8 @@ def draft_nastran(sources: Sources, mesh_file: str) -> Draft:
     write_ties(deck, ties, held, references)
     mu = write_contacts(deck, loaded, materials)
     write_effects(deck, raw.blocks, mu)
+    if mu:
+        draft.add_sweep(mu, "deck")
     write_damping(deck, materials)
     _write_solution(deck)
     for name, (text, weight) in LEFT_OUT.items():

@@ -73,6 +73,11 @@ def choose(linear_solver: LinearSolver | str = "auto", mumps: MumpsOptions = PLA
     )
 
 
+def found_solvers() -> dict[str, bool]:
+    """Return by its word in a scene whether each solver can be loaded on this machine; PETSc is loaded for that."""
+    return {"pardiso": has_pardiso(), "superlu": True, "mumps": has_mumps()}
+
+
 def _available(word: str) -> dict[str, LinearSolver]:
     """Return the solvers that can be loaded on this machine, the one that "auto" takes first."""
     found: dict[str, LinearSolver] = {"superlu": SUPERLU}
