@@ -96,6 +96,10 @@ class Problem:
     _sums: dict[object, tuple[object, sp.csr_array | None]] = field(default_factory=dict, repr=False, compare=False)
     _unheld: dict[object, Any] = field(default_factory=dict, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        if not self.terms:
+            raise SceneError("problem: given no terms; expected at least those of M and K")
+
     def __repr__(self) -> str:
         size = f"{self.unknowns} unknowns, {len(self.terms)} terms"
         return f"Problem({self.problem_class}, {size}, {len(self.parameters)} parameters)"
@@ -243,7 +247,7 @@ did you mean "springs.piston.stiffness"?
     def pencil(self, values: Mapping[str, float] | None = None, /, *more: Never, **named: float) -> Pencil:
         """Return the matrices M, C and K at given values of parameters; a term whose coefficient is zero costs nothing.
 
-        Parameters and errors raised are those of `at`.
+        Parameters and errors raised are those of `at`; an entry that is no finite number raises SceneError, too.
 
         Examples
         --------
@@ -258,7 +262,15 @@ did you mean "springs.piston.stiffness"?
         moving = self._by_path(values, more, named, "problem.pencil(")
         problem = self.at(moving)
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
-        M, C, K = (problem._slot(slot, moving) for slot in ("M", "C", "K"))
+        with np.errstate(over="ignore", invalid="ignore"):
+            sums: dict[Slot, sp.csr_array | None] = {slot: problem._slot(slot, moving) for slot in POWER}
+            beyond = [slot for slot, A in sums.items() if A is not None and not np.isfinite(A.data.sum())]
+        if beyond:
+            raise SceneError(
+                f"{' and '.join(beyond)}: entries times powers of parameters are beyond the largest number, 1.8e308;"
+                " expected other units"
+            )
+        M, C, K = sums["M"], sums["C"], sums["K"]
         M, K = (sp.csr_array((self.unknowns, self.unknowns)) if A is None else A for A in (M, K))
         pencil = Pencil(M, K, C, symmetric)
         return replace(pencil, free=problem.free_motions(pencil))

@@ -109,3 +109,13 @@ def test_scripts_are_warned_of_what_looks_doubtful():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         problem.at({"materials.steel.density": 7000.0})
+
+
+def test_sums_beyond_all_numbers_and_a_problem_of_nothing():
+    terms = (Term("mass", "M", EYE, True), Term("stiffness", "K", EYE * 1e200, True, {"s": 1}))
+    problem = Problem(terms, {"s": 1e200})
+    with pytest.raises(SceneError, match=r"^K: entries times powers of parameters are beyond the largest number"):
+        problem.pencil()
+    assert problem.pencil(s=2.0).K.max() == 2e200
+    with pytest.raises(SceneError, match="given no terms"):
+        Problem((), {})
