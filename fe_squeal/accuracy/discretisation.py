@@ -25,6 +25,7 @@ from .bars import (
     mirrored,
     scattered,
 )
+from .closing import with_closing_windows
 from .edges import acting_on_points, has_end_in_a_notch
 from .estimate import Changes, refined_changes
 from .largest_error import hidden_growth
@@ -216,6 +217,7 @@ def _onsets(onsets: Sequence[Onset], changes: Changes, order: int, longer: float
     bars, (shift, width) = bar_of_parts(change, parts, order), beyond(change, parts, order)
     width = width + scattered(shift, parts, order)
     bars, width = longer * bars, width + (longer - 1) * bars
+    bars = with_closing_windows(onsets, change, bars)
     if changes.interpolated is not None:
         bars, width = bars + changes.interpolated.onsets, width + changes.interpolated.onsets
     own = onsets if changes.interpolated is None else changes.interpolated.found  # on the mesh itself

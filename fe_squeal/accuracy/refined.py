@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ..assembly.assembly import Assembly
 from ..assembly.contacts import with_gap_tolerances
-from ..eigen.linear.choice import factorize_definite, factorize_definite_roughly
+from ..eigen.linear.choice import factorize, factorize_definite_roughly
 from ..eigen.linear.factor import LinearSolver
 from ..eigen.memory import available_memory, require_memory
 from ..eigen.request import Request
@@ -189,7 +189,7 @@ def refine_problem(
     P = weighted(collected, metric)
     coarse = model.definite if isinstance(model, TransferredModel) else None
     coarse = coarse or factorize_definite_roughly(lambda: weighted(basis.problem, basis.metric), model.linear_solver)
-    solver = TwoLevelSolver(P, E, coarse.solve, lambda: factorize_definite(P, model.linear_solver).solve)
+    solver = TwoLevelSolver(P, E, coarse.solve, lambda: factorize(P, True, model.linear_solver).solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
     return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)
 
