@@ -12,7 +12,6 @@ from ..eigen.blocks import times
 from ..eigen.linear.factor import Solve
 from ..eigen.linear.refinement import in_single
 
-_SMALL = 30_000  # unknowns up to which factors take no longer than conjugate gradients
 _ITERATIONS, _FEWEST = 60, 4  # steps of conjugate gradients, at most and at least
 _SETTLED = 0.05  # of the energy ½ xᵀPx so far: the conjugate gradients end where a step leaves less
 _NESTED = 0.03  # of the energy of soft functions of the coarse mesh: how far that on the refined mesh may be off
@@ -35,10 +34,9 @@ class TwoLevelSolver:
     the spectrum of BP, which steps on a random vector show (Lanczos): the energy that is left falls by no less than
     ρ = ((√κ − 1)/(√κ + 1))² a step in the end, so that a step that adds g leaves up to g ρ/(1 − ρ).
 
-    Where P is small it is factorised instead, which takes no longer, and so it is where conjugate gradients would be
-    slow or wrong: flat elements and nearly incompressible ones make κ large, soft thin parts have less energy than
-    single precision resolves, and functions of the coarse mesh have another energy on the refined one with elements of
-    the mixed formulation.
+    Where conjugate gradients would be slow or wrong P is factorised instead: flat elements and nearly incompressible
+    ones make κ large, soft thin parts have less energy than single precision resolves, and functions of the coarse mesh
+    have another energy on the refined one with elements of the mixed formulation.
 
     Parameters
     ----------
@@ -93,7 +91,7 @@ class TwoLevelSolver:
             return X
         if not self._is_known:
             self._is_known = True
-            if len(self._diagonal) <= _SMALL or not self._converges():
+            if not self._converges():
                 self._factors = self._exactly()
         for own in np.array_split(loaded, -(-len(loaded) // _COLUMNS)):
             if self._factors is None:

@@ -63,7 +63,7 @@ def test_without_a_command_there_is_help(capsys: pytest.CaptureFixture[str]) -> 
         (("run", "block.toml", "-o", "block.toml/out"),
          "error: block.toml/out: cannot write results here: Not a directory; expected a folder that can be written,"
          " given by -o"),
-        (("frobnicate",), "error: No such command 'frobnicate'.; see fe-squeal --help"),
+        (("frobnicate",), "error: No such command 'frobnicate'; see fe-squeal --help"),
     ], lambda arguments, message: "group.toml" in arguments),
 )  # fmt: skip
 def test_process(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:

@@ -25,16 +25,8 @@ from meshes import box, make_problem
 BELT = {"direction": [1, 0, 0], "speed": 1.0}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def iterated():
-    """Conjugate gradients for small problems, too, whose matrix is factorised otherwise."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(two_level, "_SMALL", 0)
-        yield
-
-
 @pytest.fixture(scope="module")
-def case(iterated):
+def case():
     problem = make_problem(
         box("hex1", (3, 2, 2), (0.08, 0.05, 0.03)), order=1,
         materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
