@@ -36,14 +36,14 @@ NAMES = {
     "scipy": "SciPy eigs + splu, right modes", "direct": "direct, PARDISO",
     "slepc": "SLEPc + MUMPS, right modes", "slepc both": "SLEPc + MUMPS",
 }  # fmt: skip
-NOTE = """Two undamped models of the [gallery](performance.md), swept over the friction coefficient from 0 to 1: a disc
-with one pad, where few modes couple, and one with two long pads, where many do. SciPy, `method = "direct"` and SLEPc solve
-at every value: one or two values are timed and scaled to all. All give right and left modes, which sensitivities and
-the uncertainty of growth rates need, unless the table says otherwise; the reduced sweep's seconds hold the count of
-modes, tracking and onsets as well. The tolerance is 1e-8 everywhere, SciPy's own 1e-16 apart. Errors are those of the
-reduced sweep against a direct solve at one value, relative to |λ| and, of unstable modes, to Re λ. MiB is the largest
-memory of the Python process, for SLEPc without SLEPc's own. All ways ran one after the other in one run. Made by
-`python benchmarks/sweep_cost.py --write`; """
+NOTE = """Two undamped models of the [gallery](performance.md), swept over the friction coefficient from 0 to 1: a
+disc with one pad, where few modes couple, and one with two long pads, where many do. SciPy, `method = "direct"` and
+SLEPc solve at every value: one or two values are timed and scaled to all. All give right and left modes, which
+sensitivities and the uncertainty of growth rates need, unless the table says otherwise; the reduced sweep's seconds
+hold the count of modes, tracking and onsets as well. The tolerance is 1e-8 everywhere, SciPy's own 1e-16 apart.
+Errors are those of the reduced sweep against a direct solve at one value, relative to |λ| and, of unstable modes, to
+Re λ. MiB is the largest memory of the Python process, for SLEPc without SLEPc's own. All ways ran one after the other
+in one run. Made by `python benchmarks/sweep_cost.py --write`; """
 SLEPC = Path(__file__).with_name("slepc_solve.py")
 
 
