@@ -65,7 +65,7 @@ def measure(way: str, model: Model, size: float, values: int) -> dict:
         result |= {"basis": found.method, "MiB": peak_memory_mib() or np.nan}
         at = round(PROBE * (values - 1))
         exact = solve_modes(problem.pencil(mu=grid[at]), Request(count=modes)).lam
-        lam = found.points[at].modes.lam
+        lam = next(p for p in found.points if p.value == grid[at]).modes.lam  # windows between values are points, too
         result["error"] = float((np.abs(lam[:, None] - exact).min(axis=1) / np.abs(lam)).max())
         growing = lam.real > 1e-6 * np.abs(lam)
         away = exact[np.abs(lam[growing, None] - exact).argmin(axis=1)].real
