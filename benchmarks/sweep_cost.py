@@ -1,4 +1,4 @@
-"""The time of a sweep: python benchmarks/sweep_cost.py [--models weak strong] [--rungs 1 2] [--values 21 101] [--write]
+"""The time of a sweep: python benchmarks/sweep_cost.py [--models weak strong] [--rungs 1] [--values 21 101] [--write]
 
 Undamped models of `gallery/gallery_models.py` are swept over the friction coefficient by four ways, on the same
 matrices and in one run:
@@ -175,7 +175,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [m.name for m in MODELS if m.parameter == "mu"]
     parser.add_argument("--models", nargs="+", choices=names, default=["weak", "strong"])
-    parser.add_argument("--rungs", nargs="+", type=int, default=[1, 2], help="which sizes of each model, from 0")
+    parser.add_argument("--rungs", nargs="+", type=int, default=[1], help="which sizes of each model, from 0")
     parser.add_argument("--values", type=int, nargs="+", default=[21, 101])
     parser.add_argument("--ways", nargs="+", default=[*NAMES, "reduced"])
     parser.add_argument("--write", action="store_true")
