@@ -19,7 +19,9 @@ def pairs_within(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:  # fmt: skip
     """Return the λ in a disc around the shift, their right and left vectors, and the radius inside which all are known.
 
-    Inside the widest circle that no eigenvalue is near, right and left eigenvalues are equally many.
+    Inside the widest circle that no eigenvalue is near, right and left eigenvalues are equally many. A random start may
+    have so little of a left mode that the search ends before it shows. So where a right one that is needed has no
+    partner, the left modes are looked for once more, in a space as large as there is room for.
 
     Parameters
     ----------
@@ -34,26 +36,43 @@ def pairs_within(
     NotConvergedError
         If no left modes of such λ were found; `partial` has these λ (k,) and their right vectors (n, k).
     """
+
+    def left_modes(radius: float) -> tuple[np.ndarray, np.ndarray, float]:
+        found = operator.within(radius, most, True, restarts, draw, needed, least)
+        if needed is None or _have_partners(lam[needed(lam)], found[0].conj()):
+            return found
+        return operator.within(radius, most, True, restarts, draw, needed, operator.size)
+
     lam, right, reach = operator.within(radius, most, False, restarts, draw, needed, least)
     away = np.abs(lam - operator.sigma)
     if needed is None or not needed(lam[away > reach]).any():
         lam, right, away = lam[away <= reach], right[:, away <= reach], away[away <= reach]
         if not len(lam):
             return lam, right, right, reach
-        other, left, reach_left = operator.within(reach, most, True, restarts, draw, needed, least)
+        other, left, reach_left = left_modes(reach)
         inner, inner_left, middle = _circle(away, np.abs(other.conj() - operator.sigma), min(reach, reach_left))
         if middle or needed is None or not needed(lam).any():
             i, j = _nearest(lam[inner], other[inner_left].conj())
             return lam[inner[i]], right[:, inner[i]], left[:, inner_left[j]], middle
     else:
-        other, left, _ = operator.within(radius, most, True, restarts, draw, needed, least)
+        other, left, _ = left_modes(radius)
     lam, right = lam[needed(lam)], right[:, needed(lam)]
     i, j = _nearest(lam, other.conj())
-    same = np.abs(lam[i] - other[j].conj()) <= _SAME * np.abs(lam[i])
+    same = _are_one(lam[i], other[j].conj())
     if not same.any():
         found = operator.eigenpairs(lam, right)
         raise NotConvergedError(f"{len(lam)} modes were found without their left modes", found)
     return lam[i[same]], right[:, i[same]], left[:, j[same]], 0.0
+
+
+def _are_one(lam: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(lam - other) <= _SAME * np.abs(lam))
+
+
+def _have_partners(lam: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether each of some eigenvalues (k,) is one of others (m,), each time another one."""
+    i, j = _nearest(lam, other)
+    return len(i) == len(lam) and bool(_are_one(lam[i], other[j]).all())
 
 
 def _circle(away: np.ndarray, away_left: np.ndarray, known: float) -> tuple[np.ndarray, np.ndarray, float]:

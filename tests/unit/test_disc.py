@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
+from fe_squeal.eigen import disc
+from fe_squeal.eigen.both_sides import pairs_within
 from fe_squeal.eigen.disc import BLOCK, largest_within, room_for
 from fe_squeal.eigen.known_band import enough_steps
+from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.shift_invert import ShiftInverted
 
 N = 600
 
@@ -113,3 +118,23 @@ def test_what_grows_shows_beside_a_crowd_that_does_not(growth, draws):
         nu, _, known = largest_within(apply, 900, 0.8, 40, 0, draw, least=least)
         np.testing.assert_allclose(1 + 1 / nu, [growth], rtol=1e-9)
         assert known == 0.8
+
+
+def test_a_left_mode_that_the_start_hardly_has():
+    """Of a left mode the random start has as much as lies along the right one; nearly nothing, and it shows late."""
+    n = 700
+    rng = np.random.default_rng(8)
+    theta = np.append(1.0, rng.uniform(1.25, 3.0, n - 1))
+    start = np.random.default_rng(disc._SEED).standard_normal((n, BLOCK))
+    right = rng.standard_normal((n, n))
+    right[:, 0] -= (1 - 1e-5) * start @ np.linalg.lstsq(start, right[:, 0], rcond=None)[0]
+    right = np.eye(n) + np.outer(right[:, 0] / np.linalg.norm(right[:, 0]) - np.eye(n)[0], np.eye(n)[0])
+    pencil = Pencil(sp.eye_array(n, format="csr"), sp.csr_array(right * theta @ np.linalg.inv(right)))
+    operator = ShiftInverted(pencil, 0.0)
+    assert len(operator.within(1.1, 40)[0]) == 1
+    assert not len(operator.within(1.1, 40, adjoint=True)[0])
+    lam, x, y, known = pairs_within(operator, 1.1, 40, 12, needed=lambda v: v.real > 0)
+    np.testing.assert_allclose(lam, 1.0, rtol=1e-10)
+    assert known == 1.1
+    for vector, A in (x, pencil.K), (y, pencil.K.T):
+        assert np.linalg.norm(A @ vector - vector) < 1e-9 * np.linalg.norm(vector)
