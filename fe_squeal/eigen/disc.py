@@ -25,7 +25,8 @@ _ROOM = 3  # times the largest number of eigenvalues: vectors of a full space, i
 _MORE = 60
 _KEPT = 1.5  # times the eigenvalues outside the circle: vectors kept of a full space, in addition to those of _BESIDE
 _BESIDE = 20
-_NOTHING = 1e-14  # of the largest product: what is left of a product after orthogonalisation is rounding
+# Of the largest product: what is left of one after orthogonalisation is all rounding; and has up to 1e-10 of it inside.
+_NOTHING, _FAINT = 1e-14, 1e-6
 _PATIENT, _SHOWN = 12, 1e-2  # restarts for eigenvalues that are needed; of |ν|: the residual of one that shows
 _SEED = 20261125
 
@@ -119,6 +120,12 @@ def _extend(apply: Solve, V: np.ndarray, S: np.ndarray, m: int, block: int) -> N
     W, inside = _orthogonal(known, W)
     S[: m + block, m : m + block] += inside
     Q, R = la.qr(W, mode="economic", check_finite=False)
+    if np.abs(R.diagonal()).min() <= _FAINT * size:
+        # Of what is left of a column, a good part is rounding, which lies along the known vectors as well.
+        Q, inside = _orthogonal(known, Q)
+        S[: m + block, m : m + block] += inside @ R
+        Q, again = la.qr(Q, mode="economic", check_finite=False)
+        R = again @ R
     if (lost := np.flatnonzero(np.abs(R.diagonal()) <= _NOTHING * size)).size:
         # The space holds all that the operator makes of it. Other directions continue it, which are not coupled to it.
         R[lost] = 0.0

@@ -55,6 +55,15 @@ def test_a_crowd_at_the_rim_does_not_have_to_converge(width):
     assert operator.columns <= room_for(30) + 4  # without a single restart
 
 
+@pytest.mark.parametrize("draw", [0, 23, 129, 197, 226])
+def test_a_space_that_hardly_goes_on(draw):
+    """16 distinct eigenvalues: a Krylov space ends, and of its last products rounding is a part or all."""
+    lam = np.concatenate([np.linspace(0.1, 0.95, 15) * np.exp(1j * np.arange(15)), np.ones(N - 15)])
+    nu, _, known = largest_within(Counted(lam), N, 0.97, 30, draw=draw)
+    assert known == 0.97
+    np.testing.assert_allclose(np.sort(np.abs(1 / nu)), np.sort(np.abs(lam[:15])), rtol=1e-10)
+
+
 def test_more_eigenvalues_than_asked_for_shrink_the_disc():
     lam = np.linspace(1.0, 10.0, N)
     nu, _, known = largest_within(Counted(lam), N, 5.0, 12)
