@@ -16,7 +16,7 @@ from ..fem.surfaces import Surface
 from ..problem.parameters import MU
 from ..problem.terms import Term, sum_terms
 from .cache import Same
-from .context import Context
+from .context import ContactPart, Context
 from .effect import Effect
 from .friction import Friction
 from .static_state import PressedContact, StaticState, solve_preload, state_warnings
@@ -74,7 +74,8 @@ class Preload(Effect):
         mu = self._mu(context)
         contacts = {
             name: PressedContact(
-                c.operators, c.normal_stiffness, c.friction_ratio if c.kind == "sliding" else 0.0, c.motion
+                c.operators, c.normal_stiffness, _modulus(context, c),
+                c.friction_ratio if c.kind == "sliding" else 0.0, c.motion,
             )
             for name, c in context.contacts.items()
             if c.kind != "tied"
@@ -127,6 +128,16 @@ class Preload(Effect):
             body = context.bodies[name]
             load = load + centrifugal_load(space, body.elements, body.material.density, motion)
         return load, resultant
+
+
+def _modulus(context: Context, contact: ContactPart) -> float:
+    """Return the least Young's modulus, Pa, of the bodies that touch in a contact."""
+    found = []
+    for name in contact.pads | contact.carriers:
+        body = context.bodies[name]
+        own = body.material.youngs_modulus
+        found.append(min(own) if isinstance(own, list) else context.number(f"{body.material_path}.youngs_modulus"))
+    return min(found, default=np.inf)
 
 
 def _unit_load(context: Context, group: str) -> tuple[np.ndarray, np.ndarray]:

@@ -31,7 +31,10 @@ class ContactState:
     torque : float, N m
         Torque of the friction about the axis of rotation, which brakes the counterface; NaN for a straight belt.
     follower_ratio : float
-        p0/(k_n ℓ), ℓ = √area: the size of the follower terms left out, relative to the friction stiffness.
+        p0/(k_n ℓ) + p0/E, ℓ = √area, E of the softer side: the size of the follower terms left out, beside friction.
+        p0 is the mean pressure that a unit of force has, ∫p² dA / ∫p dA.
+        Over a wave of length w they are p0 u/w per area. What friction makes of u is μ times the change of pressure,
+        which the contact limits to k_n u, and the bodies to E u/w.
     pulling : float
         Part of the area that pulls, where contacts do not lift off.
     """
@@ -92,7 +95,7 @@ def state_warnings(contact: str, follower_ratio: float, pulling: float) -> list[
     found = []
     if follower_ratio > _FOLLOWING:
         found.append(
-            f"contact {contact}: p0/(k_n l) = {follower_ratio:.2g}: terms of this size beside the friction stiffness,"
+            f"contact {contact}: p0/(k_n l) + p0/E = {follower_ratio:.2g}: terms of this size beside those of friction,"
             " of forces that follow the surface, are left out"
         )
     if pulling > 0:
@@ -102,10 +105,21 @@ def state_warnings(contact: str, follower_ratio: float, pulling: float) -> list[
 
 @dataclass(frozen=True)
 class PressedContact:
-    """A contact as the static solve needs it: its operators, stiffness per area, friction ratio and motion."""
+    """A contact as the static solve needs it.
+
+    Attributes
+    ----------
+    operators : ContactOperators
+    stiffness : float, N/m per m^2
+    modulus : float, Pa
+        The least Young's modulus of the bodies that touch.
+    friction_ratio : float
+    motion : SteadyMotion or None
+    """
 
     operators: ContactOperators
     stiffness: float
+    modulus: float
     friction_ratio: float
     motion: SteadyMotion | None
 
@@ -186,7 +200,9 @@ def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray
     if contact.motion is not None and contact.motion.centre is not None:
         axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
         torque = float(np.cross(c.points - contact.motion.centre, friction).sum(axis=0) @ axis)
-    following = np.abs(pressure).max(initial=0.0) / (contact.stiffness * np.sqrt(c.area))
+    # As the force sees it: the largest pressure would grow with the mesh, towards the singular edge of a pad.
+    mean = np.abs(per_point) @ np.abs(pressure) / (np.abs(per_point).sum() or 1.0)
+    following = mean * (1 / (contact.stiffness * np.sqrt(c.area)) + 1 / contact.modulus)
     pulling = c.weights[pressure < 0].sum() / c.area
     return ContactState(pressure, closed, float(per_point.sum()), force, torque, float(following), float(pulling))
 

@@ -70,14 +70,15 @@ def test_loads_that_cancel_on_a_part_are_no_load(size):
     assert parts[0].loads > 1e3 * np.linalg.norm(parts[0].applied) and balance_warnings(parts) == []
 
 
-def test_a_static_state_that_exceeds_its_equations_in_a_sweep_is_told():
-    """p0/(k_n l) of a uniform pressure on l = √A; and a contact that may pull, of a block that friction tilts."""
-    pressed = block(GUIDES, mu=0.0)
+@pytest.mark.parametrize("stiffness", [1e11, 1e12, 1e15])
+def test_a_static_state_that_exceeds_its_equations_in_a_sweep_is_told(stiffness):
+    """p0/(k_n l) + p0/E of a uniform pressure on l = √A; and a contact that may pull, of a block that friction tilts."""
+    pressed = block(GUIDES, mu=0.0, normal_stiffness=stiffness)
     assert not pressed.warnings
-    limit = 1e-3 * 1e12 * np.sqrt(AREA)
+    limit = 1e-3 / (1 / (stiffness * np.sqrt(AREA)) + 1 / 2e11)
     values, name = np.array([0.5, 2.0, 3.0]) * limit, "effects.preload.pressures.top"
     [text] = preload_warnings(fe_squeal.sweep(pressed, values, name, modes=2), pressed)
-    assert text.startswith(f"at {name} = {values[-1]:g}, contact belt: p0/(k_n l) = 0.003")
+    assert text.startswith(f"at {name} = {values[-1]:g}, contact belt: p0/(k_n l) + p0/E = 0.003:")
     tilted = block([{**GUIDES[0], "surface": "top"}, GUIDES[1]], mu=0.1, preload={"lift_off": False})
     assert not tilted.warnings
     [text] = preload_warnings(fe_squeal.sweep(tilted, [0.1, 3.0], "mu", modes=2), tilted)
