@@ -72,7 +72,7 @@ def test_loads_that_cancel_on_a_part_are_no_load(size):
 
 @pytest.mark.parametrize("stiffness", [1e11, 1e12, 1e15])
 def test_a_static_state_that_exceeds_its_equations_in_a_sweep_is_told(stiffness):
-    """p0/(k_n l) + p0/E of a uniform pressure on l = √A; and a contact that may pull, of a block that friction tilts."""
+    """p0/(k_n l) + p0/E of a uniform pressure, l = √A; and a contact that may pull, of a block that friction tilts."""
     pressed = block(GUIDES, mu=0.0, normal_stiffness=stiffness)
     assert not pressed.warnings
     limit = 1e-3 / (1 / (stiffness * np.sqrt(AREA)) + 1 / 2e11)
