@@ -97,6 +97,8 @@ class Run:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the repetitions that the command line asks for, and print the table."""
     asked = _parser().parse_args(arguments)
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell lets its background jobs
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     selection = [*asked.paths, *(["--fast"] if asked.fast else []), *(["--slow"] if asked.slow else [])]
     state = _state()
     folder, done = _folder(asked.resume)
