@@ -31,10 +31,10 @@ class ContactState:
     torque : float, N m
         Torque of the friction about the axis of rotation, which brakes the counterface; NaN for a straight belt.
     follower_ratio : float
-        p0/(k_n ℓ) + p0/E, ℓ = √area, E of the softer side: the size of the follower terms left out, beside friction.
-        p0 is the mean pressure that a unit of force has, ∫p² dA / ∫p dA.
-        Over a wave of length w they are p0 u/w per area. What friction makes of u is μ times the change of pressure,
-        which the contact limits to k_n u, and the bodies to E u/w.
+        p0/(k_n ℓ) + p0/E: the size of the follower terms left out, relative to the terms of friction. ℓ = √area, E is
+        Young's modulus of the softer side, and p0 the mean of the pressure weighted by itself, ∫p² dA / ∫p dA.
+        Follower terms of a displacement u with wavelength w are p0 u/w per area. Friction is μ times the change of
+        pressure, which is at most k_n u by the contact's stiffness, and E u/w by that of the bodies.
     pulling : float
         Part of the area that pulls, where contacts do not lift off.
     """
@@ -200,7 +200,7 @@ def _state(contact: PressedContact, mu: float, u: np.ndarray, closed: np.ndarray
     if contact.motion is not None and contact.motion.centre is not None:
         axis = contact.motion.velocity / np.linalg.norm(contact.motion.velocity)
         torque = float(np.cross(c.points - contact.motion.centre, friction).sum(axis=0) @ axis)
-    # As the force sees it: the largest pressure would grow with the mesh, towards the singular edge of a pad.
+    # A mean, since the largest pressure, at the edge of a pad, grows with each refinement of the mesh.
     mean = np.abs(per_point) @ np.abs(pressure) / (np.abs(per_point).sum() or 1.0)
     following = mean * (1 / (contact.stiffness * np.sqrt(c.area)) + 1 / contact.modulus)
     pulling = c.weights[pressure < 0].sum() / c.area

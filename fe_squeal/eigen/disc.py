@@ -25,7 +25,8 @@ _ROOM = 3  # times the largest number of eigenvalues: vectors of a full space, i
 _MORE = 60
 _KEPT = 1.5  # times the eigenvalues outside the circle: vectors kept of a full space, in addition to those of _BESIDE
 _BESIDE = 20
-# Of the largest product: what is left of one after orthogonalisation is all rounding; and has up to 1e-10 of it inside.
+# Of the largest product: what orthogonalisation leaves of another one is nothing but rounding if it is smaller than the
+# first of these. If it is smaller than the second, rounding is some 1e-10 of it or more.
 _NOTHING, _FAINT = 1e-14, 1e-6
 _PATIENT, _SHOWN = 12, 1e-2  # restarts for eigenvalues that are needed; of |ν|: the residual of one that shows
 _SEED = 20261125
@@ -121,7 +122,7 @@ def _extend(apply: Solve, V: np.ndarray, S: np.ndarray, m: int, block: int) -> N
     S[: m + block, m : m + block] += inside
     Q, R = la.qr(W, mode="economic", check_finite=False)
     if np.abs(R.diagonal()).min() <= _FAINT * size:
-        # Of what is left of a column, a good part is rounding, which lies along the known vectors as well.
+        # At unit length the rounding in a column that was so small counts. It lies along the known vectors, too.
         Q, inside = _orthogonal(known, Q)
         S[: m + block, m : m + block] += inside @ R
         Q, again = la.qr(Q, mode="economic", check_finite=False)

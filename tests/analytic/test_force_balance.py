@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hard_problems import brake
 
 import fe_squeal
 from fe_squeal.assembly.forces import balance_warnings, force_balance
@@ -83,6 +84,25 @@ def test_a_static_state_that_exceeds_its_equations_in_a_sweep_is_told(stiffness)
     assert not tilted.warnings
     [text] = preload_warnings(fe_squeal.sweep(tilted, [0.1, 3.0], "mu", modes=2), tilted)
     assert text.startswith("at mu = 3, contact belt: ") and "of its area pulls" in text
+
+
+@pytest.mark.parametrize(("pad", "belt", "softest"), [(1e9, 4e9, 1e9), (4e9, 1e9, 1e9), ([9e9, 6e9, 3e9], 4e9, 3e9)])
+def test_follower_terms_go_by_the_softer_side(pad, belt, softest):
+    """p0/(k_n l) + p0/E of two bodies, one of them orthotropic, with the modulus that it has and one that is swept."""
+    plain = {"poisson_ratio": 0.0, "density": 2500.0}
+    wood = {"poisson_ratio": [0.0] * 3, "shear_modulus": [1e9] * 3, "density": 2500.0}
+    problem = brake(
+        ((2, 2, 1), (2, 2, 1)), "hex1", k_n=1e13, mu=0.0, effects={"preload": {"pressures": {"top_pad": 1e5}}},
+        materials={"steel": {"youngs_modulus": belt, **plain},
+                   "lining": {"youngs_modulus": pad, **(wood if isinstance(pad, list) else plain)}},
+    )  # fmt: skip
+    contact = problem.discretisation.contacts["belt"]
+    for E, here in (softest, problem), (5e8, problem.at({"materials.steel.youngs_modulus": 5e8})):
+        p = here.discretisation.static_state.contacts["belt"].pressure
+        mean = contact.weights @ p**2 / (contact.weights @ p)
+        assert here.state["belt"]["follower_ratio"] == pytest.approx(
+            mean / (1e13 * np.sqrt(contact.area)) + mean / E, rel=1e-9
+        )
 
 
 def test_supports_take_what_is_left_also_through_held_nodes():

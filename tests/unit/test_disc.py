@@ -135,9 +135,10 @@ def test_a_left_mode_that_the_start_hardly_has():
     rng = np.random.default_rng(8)
     theta = np.append(1.0, rng.uniform(1.25, 3.0, n - 1))
     start = np.random.default_rng(disc._SEED).standard_normal((n, BLOCK))
-    right = rng.standard_normal((n, n))
-    right[:, 0] -= (1 - 1e-5) * start @ np.linalg.lstsq(start, right[:, 0], rcond=None)[0]
-    right = np.eye(n) + np.outer(right[:, 0] / np.linalg.norm(right[:, 0]) - np.eye(n)[0], np.eye(n)[0])
+    first = rng.standard_normal(n)
+    first -= (1 - 1e-5) * start @ np.linalg.lstsq(start, first, rcond=None)[0]
+    right = np.eye(n)
+    right[:, 0] = first / np.linalg.norm(first)
     pencil = Pencil(sp.eye_array(n, format="csr"), sp.csr_array(right * theta @ np.linalg.inv(right)))
     operator = ShiftInverted(pencil, 0.0)
     assert len(operator.within(1.1, 40)[0]) == 1
