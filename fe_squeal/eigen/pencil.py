@@ -190,11 +190,17 @@ class Modes:
     def eigenvalue_count(self) -> int:
         """How many eigenvalues, of 2n, the modes surely stand for: two for each that swings, one for a real one.
 
-        λ = 0 is a double one, unless beside it a free motion that is damped decays.
+        λ = 0 is a double one, unless beside it a free motion that is damped decays. A real λ with a −λ beside it is not
+        such a decay, but one of the two eigenvalues of a mode that diverges.
         """
         real = self.lam.imag == 0
-        one = real & ((self.lam != 0) | (self.lam[real].real < 0).any())
-        return int(np.where(one, 1, 2).sum())
+        at_rest = int(np.count_nonzero(self.lam == 0))
+        growing, decaying = (np.flatnonzero(real & (sign * self.lam.real > 0)) for sign in (1, -1))
+        sizes, spread = np.abs(self.lam), self.re_uncertainty
+        apart = np.abs(sizes[decaying][:, None] - sizes[growing])
+        mirrored = apart <= spread[decaying][:, None] + spread[growing]
+        pairs = min(int(np.count_nonzero(mirrored.any(axis=axis))) for axis in (0, 1))
+        return 2 * len(self.lam) - int(np.count_nonzero(real)) + at_rest - min(at_rest, len(decaying) - pairs)
 
     @property
     def frequency_hz(self) -> np.ndarray:

@@ -78,7 +78,7 @@ def find_crossings(samples: Samples) -> tuple[list[Change], float]:
     for at_sample, _, change in found:
         crossed[at_sample] += change.gains
     paired = not (samples.theta or samples.cluster.ends[0].is_complex)
-    partings = _partings(samples, growth, blur, crossed) if paired else []
+    partings = _partings(samples, unstable, blur, crossed) if paired else []
     return [*(c for _, _, c in found), *partings], hidden
 
 
@@ -155,34 +155,35 @@ def _hidden(samples: Samples, growth: np.ndarray, unsure: np.ndarray, blur: floa
     return widest
 
 
-def _partings(samples: Samples, growth: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
+def _partings(samples: Samples, unstable: np.ndarray, blur: float, crossed: np.ndarray) -> list[Change]:
     """Return the changes where a growing pair λ, λ* becomes two growing real λ, or the reverse.
 
-    A pair counts as one unstable mode, two real λ as two, so that the number of unstable modes changes.
+    A pair counts as one unstable mode, two real λ as two, so that the number of unstable modes changes. Where no real λ
+    comes or goes nothing parts.
 
     Parameters
     ----------
-    growth : (s, m) float
-        Re λ at the samples.
+    unstable : (s, m) bool
+        Which eigenvalues grow at the samples: the verdict that `crossed` is counted by.
     blur : float
         How far Re λ may be off by rounding.
     crossed : (s − 1,) int
         Number of unstable modes gained between two samples by crossings of the imaginary axis.
     """
     real = np.abs(samples.v.imag) <= 1e-9 * np.abs(samples.v) + np.maximum(blur, samples.rounding)[:, None]
-    single = (real & (growth > blur)).sum(axis=1)
-    pairs = (~real & (growth > blur) & (samples.v.imag > 0)).sum(axis=1)
+    single = (real & unstable).sum(axis=1)
+    pairs = (~real & unstable & (samples.v.imag > 0)).sum(axis=1)
     found = []
     rest = np.diff(pairs + single) - crossed
     jumps = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(single) != 0) | (crossed != 0))
     for n, k in enumerate(jumps):
-        if pairs[k] == pairs[k + 1] or not rest[k]:
+        if pairs[k] == pairs[k + 1] or single[k] == single[k + 1] or not rest[k]:
             continue
         gains = int(rest[k])
         before = samples.t[jumps[n - 1] + 1] if n else 0.0
         limits = (float(before), float(samples.t[jumps[n + 1]]) if n + 1 < len(jumps) else 1.0)
         there = int(k + 1 if pairs[k + 1] > pairs[k] else k)  # the sample at which they are a pair
-        upper = np.flatnonzero(~real[there] & (growth[there] > blur) & (samples.v[there].imag > 0))
+        upper = np.flatnonzero(~real[there] & unstable[there] & (samples.v[there].imag > 0))
         parted = upper[np.argsort(samples.v[there, upper].imag)][: abs(gains)]
         each = int(np.sign(gains))
         found += [samples.made("parting", each, int(k), there, int(i), limits, parted) for i in parted]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_squeal.eigen.pencil import Pencil
+from fe_squeal.eigen.pencil import Modes, Pencil
 
 
 def _random(n: int, density: float, symmetric: bool, seed: int = 3) -> sp.csr_array:
@@ -58,3 +58,25 @@ def test_sizes_take_no_more_memory_than_another_copy_of_the_matrices():
     finally:
         tracemalloc.stop()
     assert peak < 1.1 * sum(A.data.nbytes + A.indices.nbytes for A in (K, M))
+
+
+@pytest.mark.parametrize(
+    ("lam", "count"),
+    [
+        ([2j, 3j], 4),
+        ([0, 0, 2j], 6),
+        ([0, -5.0, 2j], 4),  # a free motion that is damped: s(s + 5) = 0
+        ([0, 0, -5.0, 2j], 6),  # one of two is damped
+        ([-5.0, -0.1, 2j], 4),  # an overdamped mode
+        ([4.0, -4.0, 2j], 4),
+        ([0, 4.0, -4.0, 2j], 6),  # a mode that diverges beside one that is free without damping
+        ([0, 4.0, -4.0 + 1e-9, 2j], 6),  # the same, rounded
+        ([0, 4.0, -5.0, 2j], 5),
+        ([0, 0, 4.0, -4.0, -5.0, 2j], 8),
+    ],
+)
+def test_how_many_eigenvalues_modes_stand_for(lam, count):
+    """Each λ with Im λ > 0 has a conjugate; a free motion has the roots 0, 0 of λ², or 0, −c of λ² + cλ."""
+    lam = np.array(lam, complex)
+    modes = Modes(lam, np.zeros((0, len(lam))), None, *(np.full(len(lam), 1e-8) for _ in range(3)))
+    assert modes.eigenvalue_count == count
