@@ -10,7 +10,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 run: .venv/installed
 	$(BIN)/fe-squeal run examples/disc_pad.toml -o results/disc_pad
-	@echo "The mesh of this example is coarse. For onsets and growth within 2 %, one to two minutes: $(BIN)/fe-squeal run examples/disc_pad.toml --accuracy 0.02"
+	@echo "The mesh of this example is coarse. For onsets and growth within 2 %, about a minute: $(BIN)/fe-squeal run examples/disc_pad.toml --accuracy 0.02"
 	@echo "Pictures: results/disc_pad/stability.png, results/disc_pad/root_locus.png, results/disc_pad/shapes/*.png"
 
 # Most tests of a module stay in one process, and so do the fixtures that they share.

@@ -194,7 +194,7 @@ def _tried(candidate: Candidate, target: float, kinds: Sequence[str]) -> _Tried:
     start = time.perf_counter()
     problem = Assembly(candidate.scene, candidate.loaded).problem({})
     solver = solver_of(candidate.scene)
-    with finer_mesh_ahead(problem) or nullcontext() as ahead:
+    with finer_mesh_ahead(problem, *swept(candidate.scene, problem), solver) or nullcontext() as ahead:
         result = _swept(candidate.scene, problem)
         refined = refine_problem(result, solver, ahead)
     clock = time.perf_counter()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -103,36 +104,68 @@ class FinerMesh:
 
     Attributes
     ----------
-    assembly : Assembly
+    assembly : Assembly or None
+        None where its terms are collected already.
+    space : DisplacementSpace
+        Its unknowns.
     prolongation : (n_fine, n_coarse) sparse
+    collected : Problem or None
+        The problem on it, its terms collected by powers of the sweep's parameter, with the numbers `changed`.
+    changed : mapping of str to float
     """
 
-    assembly: Assembly
+    assembly: Assembly | None
+    space: DisplacementSpace
     prolongation: sp.csr_array
+    collected: Problem | None = None
+    changed: Mapping[str, float] = field(default_factory=dict)
+
+    def serves(self, axis: str, changed: Mapping[str, float]) -> bool:
+        """Return whether terms that are collected are those over the powers of a parameter, with these numbers."""
+        return self.collected is None or (self.collected.has(axis) and self.changed == changed)
 
     @classmethod
     def of(cls, coarse: Assembly) -> FinerMesh:
         """Cut every element of a mesh into eight."""
         fine = Assembly(with_gap_tolerances(coarse.scene, coarse.loaded), refine(coarse.loaded))
-        return cls(fine, prolongation(coarse.space, fine.space))
+        return cls(fine, fine.space, prolongation(coarse.space, fine.space))
 
     @classmethod
-    def prepared(cls, coarse: Assembly) -> FinerMesh:
-        """Do the same, and assemble bodies and contacts with the numbers of the scene."""
+    def prepared(
+        cls, problem: Problem, parameter: str, values: Sequence[float], linear_solver: LinearSolver | str
+    ) -> FinerMesh:  # fmt: skip
+        """Do the same for the mesh of a problem, assemble bodies and contacts, and collect the terms where that is all.
+
+        Where effects need a static state, which takes factors, the parameter changes matrices, or it has one value
+        (m = 1), nothing is collected.
+        """
+        coarse = problem.source
+        assert isinstance(coarse, Assembly)
         finer = cls.of(coarse)
+        assert finer.assembly is not None
         finer.assembly.prepare()
-        return finer
+        is_static = getattr(problem.discretisation, "static_state", None) is not None
+        if is_static or len(values) == 1 or not problem.is_affine(parameter):
+            return finer
+        on_fine = finer.assembly.solved_with(linear_solver).problem(problem.changed)
+        if not on_fine.is_affine(parameter):
+            return finer
+        made = cls(None, finer.space, finer.prolongation, collect_powers(on_fine, parameter), problem.changed)
+        del finer, on_fine
+        gc.collect()  # an assembly and its problems refer to each other; the terms are as large as their sums
+        return made
 
 
-def finer_mesh_ahead(problem: Problem) -> Ahead[FinerMesh] | None:
+def finer_mesh_ahead(
+    problem: Problem, parameter: str, values: Sequence[float], linear_solver: LinearSolver | str = "auto"
+) -> Ahead[FinerMesh] | None:  # fmt: skip
     """Begin with the refined mesh of a problem beside its sweep: most of assembly takes one core alone.
 
     None where the problem has no mesh, or memory for both is not sure.
     """
-    coarse = problem.source
-    if not isinstance(coarse, Assembly) or _ROOM * _matrices_memory(problem) > available_memory():
+    if not isinstance(problem.source, Assembly) or _ROOM * _matrices_memory(problem) > available_memory():
         return None
-    return Ahead(lambda: FinerMesh.prepared(coarse))
+    return Ahead(lambda: FinerMesh.prepared(problem, parameter, values, linear_solver))
 
 
 @one_openblas_thread()
@@ -169,22 +202,25 @@ def refine_problem(
     taken = 0 if ahead is None else _matrices_memory(problem) // _COPIES  # by the terms that are there already
     finer = None if ahead is None else ahead.take()
     require_memory(refined_memory(result) - taken, _CHILDREN * problem.unknowns, "modes on the refined mesh")
-    finer = finer or FinerMesh.of(assembly)
     values = np.array([p.value for p in result.points])
-    fine, E = finer.assembly.solved_with(linear_solver), finer.prolongation
     changed = problem.changed
     if not problem.is_affine(parameter):  # then no other static state is found than those that are interpolated
         changed = {**changed, **dict.fromkeys(paths_of(parameter), float(values[0]))}
-    on_fine = fine.problem(changed).prepared(parameter, values)
-    affine = [_affine(p, parameter, values) for p in (problem, on_fine)]
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
-    model = _model(result, affine[0], axis, at, linear_solver)
-    basis = model.basis
+    if finer is None or not finer.serves(axis, changed):
+        finer = FinerMesh.of(assembly)
+    model = _model(result, _affine(problem, parameter, values), axis, at, linear_solver)
+    basis, E, space = model.basis, finer.prolongation, finer.space
     own = {t.name: c for t, c in zip(basis.problem.terms, basis.metric, strict=True)}
-    collected = collect_powers(affine[1], axis).at({axis: basis.problem.value(axis)})
-    space = fine.space
-    del finer, fine, on_fine, affine
-    gc.collect()  # an assembly and its problems refer to each other; the terms, summed now, are as large as their sums
+    if finer.collected is None:
+        assert finer.assembly is not None
+        on_fine = finer.assembly.solved_with(linear_solver).problem(changed).prepared(parameter, values)
+        finer = replace(finer, assembly=None, collected=collect_powers(_affine(on_fine, parameter, values), axis))
+        del on_fine
+        gc.collect()  # an assembly and its problems refer to each other; the terms are as large as their sums
+    assert finer.collected is not None
+    collected = finer.collected.at({axis: basis.problem.value(axis)})
+    del finer
     metric = [own.get(t.name, 0.0) for t in collected.terms]
     P = weighted(collected, metric)
     coarse = model.definite if isinstance(model, TransferredModel) else None

@@ -189,7 +189,7 @@ def test_the_refined_mesh_is_begun_before_the_sweep(tmp_path, monkeypatch):
     monkeypatch.setattr(choosing, "_swept", waits)
     beside = choose(scene, 0.012)
     monkeypatch.undo()
-    monkeypatch.setattr(choosing, "finer_mesh_ahead", lambda problem: None)
+    monkeypatch.setattr(choosing, "finer_mesh_ahead", lambda *_: None)
     behind = choose(scene, 0.012)
     assert len(beside.trials) > 1
     assert [t.unknowns for t in beside.trials] == [t.unknowns for t in behind.trials]
@@ -217,10 +217,21 @@ def test_bars_of_tetrahedra_are_those_of_an_estimate(tmp_path, monkeypatch):
 def test_nothing_is_begun_without_memory_for_both(tmp_path, monkeypatch):
     scene = load_scene(write(tmp_path))
     problem = assemble(scene)
-    ahead = refined.finer_mesh_ahead(problem)
+    ahead = refined.finer_mesh_ahead(problem, "mu", [0.0])
     assert ahead is not None and ahead.take().prolongation.shape[1] == problem.unknowns
     monkeypatch.setattr(refined, "available_memory", lambda: 2**20)
-    assert refined.finer_mesh_ahead(problem) is None
+    assert refined.finer_mesh_ahead(problem, "mu", [0.0]) is None
+
+
+def test_terms_of_other_numbers_are_not_used(tmp_path):
+    """Terms that were collected beside a sweep are those of its numbers and over its parameter, or made anew."""
+    problem = assemble(load_scene(write(tmp_path)))
+    finer = refined.FinerMesh.prepared(problem, "mu", [0.0, 0.3], "auto")
+    assert finer.assembly is None and finer.collected is not None
+    assert finer.serves("mu", {}) and not finer.serves("mu", {"mu": 0.1}) and not finer.serves("value", {})
+    assert {t.name for t in finer.collected.terms} >= {"K0", "M0"}
+    single = refined.FinerMesh.prepared(problem, "mu", [0.3], "auto")
+    assert single.collected is None and single.serves("value", {"mu": 0.1})
 
 
 def test_brackets_of_tables_of_a_scene_are_printed(capsys):
