@@ -59,7 +59,7 @@ run-mpi: .venv-mpi/installed
 # The solver on one, two and three processes, sweeps on one and two, then whole commands under mpiexec. Sweeps on three are
 # among these commands; what takes a process of its own is skipped on several.
 test-mpi: .venv-mpi/installed
-	for count in 1 2 3; do $(MPI) -n $$count .venv-mpi/bin/python tests/pytest_mpi.py -q tests/unit/test_mumps.py tests/unit/test_mumps_options.py tests/unit/test_spread_columns.py $$(test $$count -lt 3 || echo '-k not(sweep)') || exit 1; done
+	for count in 1 2 3; do $(MPI) -n $$count .venv-mpi/bin/python tests/pytest_mpi.py -q tests/unit/test_mumps.py tests/unit/test_mumps_options.py tests/unit/test_spread_columns.py tests/unit/test_spread_matrix.py $$(test $$count -lt 3 || echo '-k not(sweep)') || exit 1; done
 	.venv-mpi/bin/python -m pytest tests/mpi
 
 # Where both are of one minor version, the packages of .venv serve here as well, behind NumPy 1.26 and a pandas for it.

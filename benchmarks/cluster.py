@@ -36,22 +36,22 @@ SIZES, COUNTS = (0.014, 0.006, 0.0045, 0.0034), (1, 2, 4)  # m
 SWEPT, MODES, VALUES = 0.0055, 50, 21  # m
 LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
 NODES = (64, 256, 1024)  # GiB
-# What process 0 holds at the peak of a reduced sweep besides factors, counted from the program and not measured: copies
-# of K, 12 bytes for each entry (terms by body and their sums 2.7, both with M; the matrix to be factorised and what
-# PETSc is handed, 3.3), and vectors for 50 modes: samples 48, search 40, blocks 200. Basis and corrections, 455, are
-# spread over all processes.
-COPIES, VECTORS, SPREAD = 6.0, 290, 455
+# What is held at the peak of a reduced sweep besides factors, counted from the program and not measured. By their rows
+# on all processes: copies of K, 12 bytes for each entry (terms by body, with M, 2; the matrix to be factorised and what
+# PETSc is handed, 3.3), and of the vectors for 50 modes basis and corrections, 455. On process 0 alone: samples 48,
+# search 40, blocks 200.
+COPIES, VECTORS, SPREAD = 5.3, 290, 455
 GIB, MB = 2**30, 10**6
 PEAKS = f"""### Memory of a sweep, measured
 
 The largest resident memory that each process had in a reduced sweep of {MODES} modes and {VALUES} values. Of that of
-processes other than the first some 120 MB are the program; the rest is their part of factors and vectors.
+processes other than the first some 120 MB are the program; the rest is their part of factors, matrices and vectors.
 """
 NOTE = """### How many nodes for my brake
 
 A reduced sweep for 50 modes holds LDLᵀ factors while its model is made, and where friction or damping is strong LU
-factors after these, for which the table allows; the vectors of its basis are spread as the factors are, and process 0
-holds all matrices and the other vectors besides. The factors are extrapolated from the analyses above on one process,
+factors after these, for which the table allows; the matrices and the vectors of its basis are spread as the factors
+are, and process 0 holds the other vectors besides. The factors are extrapolated from the analyses above on one process,
 of more than 50 000 unknowns, by powers of the number of unknowns n that fit them in the least-squares sense; nothing of
 this size was factorised. Nine tenths of a node's memory are used.
 "The first of" says how much process 0's node needs where the others' is not enough.
@@ -161,13 +161,13 @@ def nodes(rows: list[dict]) -> str:
     said = ", ".join(f"{key}: n^{alpha:.2f}" for key, (_, alpha) in laws.items())
     last = [r for r in rows if r["unknowns"] == max(o["unknowns"] for o in rows)]
     more = max(r["LU all"] for r in last) / min(r["LU all"] for r in last)
-    head = ["unknowns", "LU, GiB on all", "basis, GiB on all", "process 0 besides, GiB",
+    head = ["unknowns", "LU, GiB on all", "matrices and basis, GiB on all", "process 0 besides, GiB",
             *(f"nodes of {g} GiB" for g in NODES), "LU, 10¹² operations", "s at 100 GFlop/s"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for n in LARGE:
         at = {key: c * n**alpha for key, (c, alpha) in laws.items()}
-        factors, spread = more * at["LU all"], 8 * SPREAD * n
-        first = COPIES * 12 * at["entries"] + 8 * VECTORS * n
+        factors, spread = more * at["LU all"], COPIES * 12 * at["entries"] + 8 * SPREAD * n
+        first = 8 * VECTORS * n
         cells = [f"{n}", f"{factors / GIB:.0f}", f"{spread / GIB:.0f}", f"{first / GIB:.0f}"]
         for g in NODES:
             room = 0.9 * g * GIB

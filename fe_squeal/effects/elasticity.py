@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..fem.element_matrices import assemble_elasticity
 from ..fem.materials import Material, elasticity
+from ..fem.row_assembly import elastic_matrices
 from ..fem.spaces import DisplacementSpace
 from ..problem.terms import Term
 
@@ -31,6 +31,6 @@ def elastic_terms(
     else:
         unit = material.model_copy(update={"youngs_modulus": 1.0})
         law, powers = elasticity(unit, mixed=mixed), {f"{path}.youngs_modulus": 1}
-    K, M = assemble_elasticity(space, elements, law.stiffness, 1.0, law.lame)
+    K, M = elastic_matrices(space, elements, law.stiffness, 1.0, law.lame)
     mass = Term(f"mass.{body}", "M", M, symmetric=True, powers={f"{path}.density": 1})
     return mass, Term(f"elastic.{body}", "K", K, symmetric=True, powers=powers)

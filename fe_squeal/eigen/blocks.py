@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .columns import Columns, ColumnStore, SpreadColumns, SpreadStore
+from .linear.spread_matrix import SpreadMatrix
 from .mkl import multiply
 from .threads import thread_count
 
@@ -39,13 +40,15 @@ def with_short_indices(A: sp.csr_array) -> sp.csr_array:
     >>> with_short_indices(sp.csr_array((np.ones(2), (np.arange(2), np.arange(2))))).indices.dtype
     dtype('int32')
     """
-    if A.indices.dtype == np.int32 or max(*A.shape, A.nnz) > np.iinfo(np.int32).max:
+    if isinstance(A, SpreadMatrix) or A.indices.dtype == np.int32 or max(*A.shape, A.nnz) > np.iinfo(np.int32).max:
         return A
     return sp.csr_array((A.data, A.indices.astype(np.int32), A.indptr.astype(np.int32)), shape=A.shape)
 
 
 def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
     """Return A X for a sparse A (m, n) and X (n, k)."""
+    if isinstance(A, SpreadMatrix):
+        return np.asarray(A @ X)
     if A.shape[0] < _TALL:
         return np.asarray((faster(A) if X.ndim > 1 else A) @ X)
 
@@ -105,9 +108,10 @@ def projected(V: Columns, A: sp.csr_array, sign: int = 0) -> np.ndarray:
     sign : 1, -1 or 0
         1 where A is symmetric and -1 where it is skew-symmetric: then half of the products suffice.
     """
-    rows, (n, r), here = np.flatnonzero(np.diff(A.indptr)), V.shape, V
+    (n, r), here = V.shape, V
+    rows = np.arange(n) if isinstance(A, SpreadMatrix) else np.flatnonzero(np.diff(A.indptr))
     is_worth_a_copy = isinstance(V, np.ndarray) and len(rows) <= _MANY * n and 8 * len(rows) * r <= _COPIED
-    if len(rows) < _FEW * n or is_worth_a_copy:
+    if len(rows) < n and (len(rows) < _FEW * n or is_worth_a_copy):
         here = V.T.take(rows, axis=1).T if isinstance(V, np.ndarray) else V[rows]
         A = _without_empty(A, rows)
     out = np.empty((r, r))

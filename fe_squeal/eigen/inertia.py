@@ -10,6 +10,7 @@ from ..errors import NotConvergedError
 from .dense import DENSE_LIMIT
 from .linear.choice import factorize, negative_eigenvalues
 from .linear.factor import LinearSolver
+from .linear.spread_matrix import in_rows
 from .pencil import Pencil
 
 
@@ -24,7 +25,7 @@ def count_below(pencil: Pencil, omega: float, linear_solver: LinearSolver | str 
 def count_beneath(pencil: Pencil, theta: float, linear_solver: LinearSolver | str = "auto") -> int | None:
     """Return how many θ of a symmetric pencil lie below one, rad²/s², which may be negative; see `count_below`."""
     try:
-        shifted = sp.csr_array(pencil.K - theta * pencil.M)
+        shifted = in_rows(pencil.K - theta * pencil.M)
         pivots = negative_eigenvalues(shifted, linear_solver)
     except NotConvergedError:
         return None

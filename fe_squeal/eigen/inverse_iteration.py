@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from ..errors import NotConvergedError
 from .linear.choice import factorize
 from .linear.factor import LinearSolver
+from .linear.spread_matrix import in_rows
 from .pencil import Modes, Pencil
 from .quality import backward_errors, modes_from_lambda, modes_from_theta
 
@@ -90,10 +91,10 @@ def _iterated(
 def _matrix(pencil: Pencil, value: complex) -> sp.csr_array:
     """Return K − θM, or λ²M + λC + K."""
     if pencil.C is None:
-        return sp.csr_array(pencil.K - value * pencil.M)
-    return sp.csr_array(value**2 * pencil.M + value * pencil.C + pencil.K)
+        return in_rows(pencil.K - value * pencil.M)
+    return in_rows(value**2 * pencil.M + value * pencil.C + pencil.K)
 
 
 def _slope(pencil: Pencil, value: complex) -> sp.csr_array:
     """Return the derivative of that matrix."""
-    return sp.csr_array(-pencil.M if pencil.C is None else 2 * value * pencil.M + pencil.C)
+    return in_rows(-pencil.M if pencil.C is None else 2 * value * pencil.M + pencil.C)

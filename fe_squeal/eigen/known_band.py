@@ -380,7 +380,7 @@ class KnownBand:
         """Return the modes found, those of free motions among them."""
         if self._modes is None:
             self._modes = self.found.modes(self.free)
-        unsearched = self.unsearched.joined(Unsearched(low=self.low))  # which may have grown since
+        unsearched = self.unsearched.joined(Unsearched(low=float(self.low)))  # which may have grown since
         return replace(self._modes, method=self.method, unsearched=unsearched)
 
 

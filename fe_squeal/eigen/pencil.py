@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .blocks import lift
+from .linear.spread_matrix import SpreadMatrix, in_rows
 from .polish import equilibrate
 from .unsearched import ALL_SEARCHED, Unsearched
 
@@ -126,8 +127,8 @@ class Pencil:
         """Return the pencil of the left modes, λ*²M + λ*Cᵀ + Kᴴ: the left mode of λ is its mode of λ*."""
         if self.symmetric and self.C is None and not self.is_complex:
             return self
-        C = None if self.C is None else sp.csr_array(self.C.T)
-        return replace(self, K=sp.csr_array(self.K.T.conj()), C=C, free=None)
+        C = None if self.C is None else in_rows(self.C.T)
+        return replace(self, K=in_rows(self.K.T.conj()), C=C, free=None)
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,8 @@ def _scale_of_entries(A: _Matrix) -> tuple[_Matrix, ...]:
 
     The first has the entries of A, whose indices it shares. The second has those at (j, i) alone, few as of friction.
     """
+    if isinstance(A, SpreadMatrix):
+        return (A.scale_of_entries(),)
     root = np.sqrt(np.abs(A.diagonal()))
     if isinstance(A, np.ndarray):
         size = np.abs(A)

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .kernel import kernel_within
+from .linear.spread_matrix import in_rows, sizes_times
 from .multiple import ROUNDING
 from .pencil import FreeMotions, Modes, Pencil
 from .request import is_beside
@@ -124,7 +125,7 @@ def symmetric_part(pencil: Pencil) -> Pencil:
     if pencil.problem_class == "symmetric":
         return pencil
     K = turned_stiffness(pencil)
-    symmetric = Pencil(pencil.M, sp.csr_array((K + K.T) / 2), symmetric=True)
+    symmetric = Pencil(pencil.M, in_rows((K + K.T) / 2), symmetric=True)
     if pencil.free is None:
         return symmetric
     return replace(symmetric, free=FreeMotions(kernel_within(symmetric, pencil.free.motions)))
@@ -138,14 +139,17 @@ def turned_stiffness(pencil: Pencil) -> sp.csr_array:
     have lost B.
     """
     K = pencil.K.real
-    turned = (pencil.M.diagonal() == 0) & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
+    massless = pencil.M.diagonal() == 0
+    if not massless.any():
+        return K
+    turned = massless & (np.asarray(K.multiply(K.T).sum(axis=1)) < 0)
     return sp.csr_array(sp.diags_array(np.where(turned, -1.0, 1.0)) @ K) if turned.any() else K
 
 
 def _rounding_of_zero(pencil: Pencil, Z: np.ndarray) -> float:
     """Return what rounding may make of θ = 0 of motions Z (n, k), rad²/s²: Σ|z||K||z| over Σ zMz, with a margin."""
     mass = np.sum(Z * (pencil.M @ Z), axis=0)
-    parts = np.sum(np.abs(Z) * (abs(pencil.K) @ np.abs(Z)), axis=0)
+    parts = np.sum(np.abs(Z) * sizes_times(pencil.K, np.abs(Z)), axis=0)
     return float((_ROUNDINGS * ROUNDING * parts[mass > 0] / mass[mass > 0]).max(initial=0.0))
 
 

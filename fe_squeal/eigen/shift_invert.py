@@ -19,6 +19,7 @@ from .disc import largest_within, room_for
 from .free_modes import FreeModes, States
 from .linear.choice import choose, factorize
 from .linear.factor import Factor, LinearSolver, SingularError, Solve
+from .linear.spread_matrix import in_rows, sizes_times
 from .memory import require_vectors
 from .pencil import Pencil
 from .threads import one_openblas_thread
@@ -271,8 +272,8 @@ class ShiftInverted:
     def _factorized(self, sigma: complex) -> Factor:
         M, C, K = self.pencil.M, self.pencil.C, self.pencil.K
         if C is not None:
-            return factorize(sp.csr_array(sigma**2 * M + sigma * C + K), False, self.linear_solver)
-        return factorize(sp.csr_array(K - sigma * M), self.pencil.symmetric, self.linear_solver)
+            return factorize(in_rows(sigma**2 * M + sigma * C + K), False, self.linear_solver)
+        return factorize(in_rows(K - sigma * M), self.pencil.symmetric, self.linear_solver)
 
     def _in_units(self, x: np.ndarray) -> np.ndarray:
         return x if self._d is None else self._d[:, None] * x
@@ -352,8 +353,8 @@ def _columns(A: sp.csr_array, index: np.ndarray) -> sp.csr_array:
 
 def occupied(A: sp.csr_array) -> np.ndarray:
     """Return (n,) bool, which rows or columns of a matrix hold anything."""
-    size = abs(A)
-    return np.asarray((size.sum(axis=0) > 0) | (size.sum(axis=1) > 0))
+    one = np.ones(A.shape[0])
+    return np.asarray((sizes_times(A, one) > 0) | (sizes_times(A.T, one) > 0))
 
 
 def _operator(n: int, apply: Solve, dtype: DTypeLike) -> LinearOperator:

@@ -37,7 +37,7 @@ class Unsearched:
     @property
     def may_grow(self) -> bool:
         """Whether any of it may grow."""
-        return bool(self.kinds) or self.low > 0 or self.rate is not None
+        return bool(self.kinds) or bool(self.low > 0) or self.rate is not None
 
     def parts(self) -> list[Unsearched]:
         """Return what may grow and what decays, without those of the two that are nothing."""

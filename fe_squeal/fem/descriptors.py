@@ -12,11 +12,13 @@ from skfem.quadrature import get_quadrature
 
 from ..eigen.blocks import lift, pieces, projected, with_short_indices
 from ..eigen.columns import Columns
+from ..eigen.linear.spread_matrix import SpreadMatrix
 from ..problem.description import Description, shares_by_name, undescribed
 from ..problem.terms import Term
 from .cells import cell_points
 from .element_matrices import nodal_mass
 from .harmonics import Harmonics, fit_harmonics
+from .row_assembly import spread_mass
 from .spaces import DisplacementSpace
 
 _SAME = 1e-9  # relative distance of waves with and against the turning, below which a shape is a standing one
@@ -164,6 +166,8 @@ def _along(space: DisplacementSpace, mass: Any, elements: np.ndarray, axis: np.n
         part = sp.csr_array(scalar.T @ nodal_mass(space, elements) @ scalar)
         part.resize((size, size))
         return part
+    if isinstance(mass, SpreadMatrix):
+        return spread_mass(space, elements, np.outer(axis, axis))
     full = sp.kron(sp.eye_array(space.nodes), sp.csr_array(np.outer(axis, axis)), format="csr")
     P = sp.csr_array(full[space.free][:, space.free])
     P.eliminate_zeros()

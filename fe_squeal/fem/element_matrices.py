@@ -73,7 +73,6 @@ def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarr
     return space.restricted(sp.kron(scalar, sp.eye_array(3), format="csr"))
 
 
-@one_openblas_thread()  # threads that other work keeps from their cores would make it take five times as long
 def assemble_elasticity(
     space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
 ) -> tuple[sp.csr_array, sp.csr_array]:
@@ -93,6 +92,16 @@ def assemble_elasticity(
     -------
     K, M : (n, n) sparse, N/m and kg
     """
+    K, M = sum_elements(space, elements, stiffness, density, lame)
+    # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
+    return symmetrised(K), symmetrised(M)
+
+
+@one_openblas_thread()  # threads that other work keeps from their cores would make it take five times as long
+def sum_elements(
+    space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """Return what `assemble_elasticity` does of elements (e,), (n, n) each and symmetric but for rounding."""
     K = M = sp.csr_array((space.unknowns, space.unknowns))
     for shapes in element_shapes(space, elements):
         N, dN, t = shapes.values, shapes.gradients, shapes.nodes
@@ -109,8 +118,17 @@ def assemble_elasticity(
         t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
         K = K + space.restricted(scatter(block, t3, 3 * space.functions))
         M = M + scatter_scalar(space, mass, t)
-    # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
-    return symmetrised(K), symmetrised(M)
+    return K, M
+
+
+def sum_mass(space: DisplacementSpace, elements: np.ndarray, components: np.ndarray) -> sp.csr_array:
+    """Return M_(Ia)(Jc) = A_ac ∫ N_I N_J over elements (e,) for A (3, 3): (n, n) on the unknowns, m^3."""
+    M = sp.csr_array((space.unknowns, space.unknowns))
+    for shapes in element_shapes(space, elements):
+        N = shapes.values
+        scalar = scatter((N * shapes.dx[:, None, :]) @ np.transpose(N, (0, 2, 1)), shapes.nodes, space.functions)
+        M = M + space.restricted(sp.kron(scalar, sp.csr_array(components), format="csr"))
+    return M
 
 
 def nodal_mass(space: DisplacementSpace, elements: np.ndarray) -> sp.csr_array:

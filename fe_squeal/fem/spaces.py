@@ -12,9 +12,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 import skfem
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 from skfem.assembly import Dofs
 from skfem.refdom import RefTet
 
+from ..eigen.linear.spread_matrix import Partition
 from ..errors import SceneError
 from ..mesh.node_sets import between_corners, with_nodes_between
 from .bubbles import Bubbles, make_bubbles
@@ -175,6 +177,27 @@ class DisplacementSpace:
         bound = (abs(S).T @ (abs(A) @ abs(S))).toarray()
         i, j = np.nonzero((np.abs(own) < CANCELLED * bound) & (own != 0))
         return sp.csr_array((own[i, j], (some[i], some[j])), shape=(self.unknowns, self.unknowns))
+
+    @cached_property
+    def partition(self) -> Partition:
+        """Which process has the rows of which unknowns: a stretch of the bodies each, of elements that are neighbours.
+
+        The elements are in reverse Cuthill-McKee order, in which neighbours are near to each other; each unknown comes
+        with the first of its elements.
+        """
+        mesh, count = self.mesh, self.mesh.nelements
+        one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
+        graph = sp.csr_array((np.ones(len(one)), (one, other)), shape=(count, count))
+        rank = np.empty(count, int)
+        rank[reverse_cuthill_mckee(sp.csr_array(graph + graph.T), symmetric_mode=True)] = np.arange(count)
+        first = np.full(self.functions, count)
+        np.minimum.at(first, self.dofs.element_dofs, np.broadcast_to(rank, self.dofs.element_dofs.shape))
+        if self.bubbles is not None:
+            functions = self.nodes + self.bubbles.functions_of(mesh, np.arange(count))
+            np.minimum.at(first, functions, np.broadcast_to(rank, functions.shape))
+        P = sp.csc_array(self.prolongation)
+        of_unknown = np.minimum.reduceat(first[P.indices // 3], P.indptr[:-1])  # no column is empty
+        return Partition.by(np.argsort(of_unknown, kind="stable"))
 
     @cached_property
     def coordinates(self) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
+from ..eigen.linear.spread_matrix import SpreadMatrix
 from ..eigen.pages import pages_of
 from .terms import Term
 
@@ -58,6 +59,8 @@ def put_aside(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
 def forget_pages(terms: Iterable[Term]) -> None:
     """Give back the memory that matrices take since they were read from their files; they can be read again."""
     for term in terms:
+        if isinstance(term.matrix, SpreadMatrix):
+            continue
         pages = pages_of(term.matrix.data)
         if pages is not None and hasattr(mmap, "MADV_DONTNEED"):
             pages.madvise(mmap.MADV_DONTNEED)
@@ -70,9 +73,9 @@ def movable_bytes(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> int:
 
 def _movable(terms: Iterable[Term], used: Iterable[sp.csr_array]) -> list[list[sp.csr_array]]:
     """Return the matrices that are moved, those that share their arrays together; as many as there is room for."""
-    room, kept = _room(), [A.data for A in used]
+    room, kept = _room(), [A.data for A in used if not isinstance(A, SpreadMatrix)]
     own: dict[tuple[int, int], list[sp.csr_array]] = {}
-    for A in {id(t.matrix): t.matrix for t in terms}.values():
+    for A in {id(t.matrix): t.matrix for t in terms if not isinstance(t.matrix, SpreadMatrix)}.values():
         own.setdefault((A.data.ctypes.data, A.indices.ctypes.data), []).append(A)
     found = []
     for same in own.values():

@@ -19,7 +19,7 @@ from ..eigen.pencil import FreeMotions, Pencil, ProblemClass
 from ..errors import SceneError, SquealError, suggest
 from .description import Describer
 from .parameters import MU, paths_of, values_by_path
-from .terms import POWER, Slot, Term, sum_terms
+from .terms import POWER, Slot, Term, is_finite, sum_terms
 from .unheld import find_free_motions, holds_everything
 
 _DIFFERENCE = 1e-4  # of a parameter: step of the difference quotient by a parameter that changes matrices
@@ -264,7 +264,7 @@ did you mean "springs.piston.stiffness"?
         symmetric = all(t.symmetric for t in problem.terms if t.slot == "K" and t.coefficient(problem.parameters))
         with np.errstate(over="ignore", invalid="ignore"):
             sums: dict[Slot, sp.csr_array | None] = {slot: problem._slot(slot, moving) for slot in POWER}
-            beyond = [slot for slot, A in sums.items() if A is not None and not np.isfinite(A.data.sum())]
+            beyond = [slot for slot, A in sums.items() if A is not None and not is_finite(A)]
         if beyond:
             raise SceneError(
                 f"{' and '.join(beyond)}: entries times powers of parameters are beyond the largest number, 1.8e308;"

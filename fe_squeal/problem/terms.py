@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from ..eigen.blocks import with_short_indices
 from ..eigen.definite import signs_of
+from ..eigen.linear.spread_matrix import SpreadMatrix
 from ..errors import SceneError, suggest
 from .parameters import paths_of, product_of_powers
 from .symmetry import measure_symmetry
@@ -215,4 +216,9 @@ def sum_matrices(parts: Iterable[tuple[sp.csr_array, complex]]) -> sp.csr_array 
     for matrix, factor in sorted(parts, key=lambda part: int(part[0].nnz)):
         own = matrix if factor == 1 else matrix * factor
         total = own if total is None else total + own
-    return None if total is None else total.tocsr()
+    return total if total is None or isinstance(total, SpreadMatrix) else total.tocsr()
+
+
+def is_finite(A: sp.csr_array) -> bool:
+    """Return whether all entries are finite numbers: of a matrix on all processes, semidefinite ones, the diagonal."""
+    return bool(np.isfinite((A.diagonal() if isinstance(A, SpreadMatrix) else A.data).sum()))

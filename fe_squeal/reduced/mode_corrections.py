@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import lift
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import DefiniteFactor, Factor, LinearSolver
+from ..eigen.linear.spread_matrix import in_rows
 from ..eigen.pencil import Modes
 from ..eigen.request import is_needed
 from ..problem.parameters import Place, values_at
@@ -24,7 +25,9 @@ from .vectors import range_of, real_columns, thin_svd, unit_columns
 ROUNDS = 12  # largest number of corrections of the modes at one value
 _CORRECTED = 0.3  # times the tolerance: modes with a larger error are corrected along with those that miss it
 _MIDDLE = 0.6  # times the square of the highest frequency of the basis: ω² at which Q is factorised
-_FINE = 0.01  # times √tolerance and the largest singular value: directions of modes with a smaller one are left out
+# Times √tolerance and the largest singular value: directions of modes with a smaller one are left out. Forces of
+# dampers may be thousands of times those that P has, and so may be the residuals of what is left out.
+_FINE, _FINE_DAMPED = 0.01, 1e-4
 _SHORT = 1e-4  # times √tolerance and the length of a mode: shorter corrections are left out
 _FAST = 0.1  # of an error: what factors of P have to make of it, or those of Q(iω) take their place for good
 # The same where factors of Q(iω) take less time than two projections on the corrections, of which they spare about as
@@ -89,7 +92,7 @@ class ModeCorrections:
         def shifted() -> sp.csr_array:
             pencil = basis.problem.pencil(values)  # which keeps the sum of what does not change
             Q = pencil.K - square * pencil.M
-            return sp.csr_array(Q if pencil.C is None else Q + 1j * np.sqrt(square) * pencil.C)
+            return in_rows(Q if pencil.C is None else Q + 1j * np.sqrt(square) * pencil.C)
 
         self.factorizations += 1
         return factorize_roughly(shifted, symmetric, self._linear_solver)
@@ -178,7 +181,8 @@ class ModeCorrections:
         modes = modes.select(np.flatnonzero(is_needed(modes)))
         assert modes.left is not None
         free = basis.free_motions(self._start).motions
-        return range_of(unit_columns(modes.right, modes.left), _FINE * self._tolerance**0.5, free)
+        fine = _FINE_DAMPED if self._is_damped else _FINE
+        return range_of(unit_columns(modes.right, modes.left), fine * self._tolerance**0.5, free)
 
     def correct(
         self, basis: ReducedBasis, value: Place, modes: Modes, factor: Factor | DefiniteFactor

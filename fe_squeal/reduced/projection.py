@@ -17,6 +17,7 @@ from ..eigen.dense import solve_dense
 from ..eigen.growth import may_grow_dense, sizes
 from ..eigen.kernel import null_columns
 from ..eigen.linear.factor import LinearSolver
+from ..eigen.linear.spread_matrix import SpreadMatrix, in_rows
 from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem.forms import project
 from ..problem.parameters import Place, paths_of, values_at
@@ -205,7 +206,7 @@ class Projection:
     def base(self, sigma: float) -> Pencil:
         """Return the pencil of K = P + σM."""
         M = self.problem.mass
-        return Pencil(M, sp.csr_array(weighted(self.problem, self.metric) + sigma * M), symmetric=True)
+        return Pencil(M, in_rows(weighted(self.problem, self.metric) + sigma * M), symmetric=True)
 
     def undamped_values(self, sigma: float) -> np.ndarray:
         """Return the rising θ of the projected problem without damping and friction.
@@ -281,8 +282,10 @@ class Projection:
 def _acting(term: Term) -> _Acting:
     """Return a term in the rows in which it acts."""
     A = term.matrix
-    transposed = None if term.symmetric or term.skew else sp.csr_array(A.T)
+    transposed = None if term.symmetric or term.skew else in_rows(A.T)
     sign = -1.0 if term.skew else 1.0
+    if isinstance(A, SpreadMatrix):
+        return _Acting(None, A, transposed, sign)
     acts = np.diff(A.indptr) > 0
     acts[A.indices] = True  # in the rows of the transposed matrix
     rows = np.flatnonzero(acts)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, times
 from ..eigen.columns import Columns
 from ..eigen.inertia import count_below
 from ..eigen.linear.choice import factorize_roughly
 from ..eigen.linear.factor import Factor, LinearSolver
+from ..eigen.linear.spread_matrix import in_rows
 from ..eigen.pencil import Pencil
 from ..errors import NotConvergedError
 from ..problem.parameters import Place, values_at
@@ -75,7 +75,7 @@ def vectors_beside(
     counted = count_below(soft, float(np.sqrt(c)), linear_solver)
     if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
         return None
-    factor = factorize_roughly(lambda: sp.csr_array(soft.K - c * soft.M), True, linear_solver)
+    factor = factorize_roughly(lambda: in_rows(soft.K - c * soft.M), True, linear_solver)
     return soft_vectors(basis.V, M, K, soft, c, factor, counted)
 
 
@@ -84,8 +84,8 @@ def _symmetric_part(problem: Problem) -> Pencil:
     at, parts = problem.parameters, []
     for t in problem.terms:
         if t.slot == "K" and not t.imaginary and (c := t.coefficient(at)):
-            parts.append((t.matrix if t.symmetric else sp.csr_array((t.matrix + t.matrix.T) / 2), c))
-    return Pencil(problem.mass, sp.csr_array(sum_matrices(parts)), symmetric=True)
+            parts.append((t.matrix if t.symmetric else in_rows((t.matrix + t.matrix.T) / 2), c))
+    return Pencil(problem.mass, in_rows(sum_matrices(parts)), symmetric=True)
 
 
 def soft_vectors(

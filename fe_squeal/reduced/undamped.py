@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..eigen.linear.choice import factorize_with_care
 from ..eigen.linear.factor import DefiniteFactor, LinearSolver
+from ..eigen.linear.spread_matrix import in_rows
 from ..eigen.pencil import Pencil
 from ..eigen.shift import shift_below
 from ..errors import NotConvergedError
@@ -64,9 +65,9 @@ def weighted(problem: Problem, coefficients: Sequence[float]) -> sp.csr_array:
     total = sum_matrices((t.matrix, c) for t, c in used if t.symmetric)
     for t, c in used:
         if not t.symmetric:  # one after the other: each has a copy
-            part = sp.csr_array(t.matrix + t.matrix.T) * (c / 2)
+            part = in_rows(t.matrix + t.matrix.T) * (c / 2)
             total = part if total is None else total + part
-    return sp.csr_array((problem.unknowns, problem.unknowns) if total is None else total)
+    return sp.csr_array((problem.unknowns, problem.unknowns)) if total is None else in_rows(total)
 
 
 def factorize_undamped(

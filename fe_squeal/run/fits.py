@@ -76,12 +76,15 @@ def fits_there(problem: Problem, count: MemoryCount, modes: int, machines: Machi
     def first(parts: int, of: int = factors) -> int:
         return count.with_factors(share(parts, of)).at(modes, parts).total
 
-    vectors = count.share(modes, P)
-    others = _PROGRAM + share(P) + vectors
-    basis = f", {memory_text(vectors)} of the reduced model's vectors" if vectors else ""
+    vectors, rows = count.share(modes, P), count.rows(P)
+    others = _PROGRAM + share(P) + vectors + rows
+    parts = [f"{memory_text(share(P))} of the factors"]
+    parts += [f"{memory_text(vectors)} of the reduced model's vectors"] if vectors else []
+    parts += [f"{memory_text(rows)} of the matrices"] if rows else []
+    alone = "vectors" if rows else "matrices and other vectors" if vectors else "matrices and vectors"
     yield f"on {P} process{'es' if P > 1 else ''}", (
-        f"process 0 {memory_text(first(P))}: {memory_text(share(P))} of the factors{basis}, and matrices and"
-        f"{' other' if vectors else ''} vectors, which it holds alone"
+        f"process 0 {memory_text(first(P))}: {', '.join(parts)}, and {'other ' if rows else ''}{alone}, which it holds"
+        " alone"
         + (f"; each other {memory_text(others)}" if P > 1 else "") + f" ({source})"
     )
     if machines.memory is None:

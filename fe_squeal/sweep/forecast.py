@@ -13,6 +13,7 @@ from ..eigen.columns import are_spread, part_here
 from ..eigen.dense import DENSE_LIMIT
 from ..eigen.linear.choice import factor_memory, is_large
 from ..eigen.linear.factor import LinearSolver
+from ..eigen.linear.spread_matrix import SpreadMatrix, in_rows
 from ..eigen.linear.superlu import solid_memory
 from ..eigen.memory import available_memory, memory_text, release_freed
 from ..eigen.pencil import Pencil
@@ -139,6 +140,8 @@ class MemoryCount:
         Of a reduced model: sums of matrices while shapes are made of its modes.
     large : bool
         Whether the reduced model begins with rough factors, and goes on with them where friction and damping are weak.
+    terms_here : int, bytes
+        Of "program and model", the matrices of the terms whose rows several processes would share.
     """
 
     unknowns: int
@@ -150,6 +153,7 @@ class MemoryCount:
     fixed: dict[str, int]
     lifted: int = 0
     large: bool = False
+    terms_here: int = 0
 
     def at(self, modes: int, processes: int | None = None) -> MemoryPrediction:
         """Return the prediction for a number of modes: on this machine, or of the first of some processes alone.
@@ -157,15 +161,20 @@ class MemoryCount:
         Factors count as they are given: of all processes on this machine, unless `with_factors` has other ones.
         """
         parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
+        here = part_here(n) if processes is None else 1 / processes if are_spread(n, processes) else 1.0
+        if here < 1 and self.shares_rows:
+            parts["matrices"] = int(here * parts["matrices"])
+            if processes is not None:
+                parts["program and model"] -= int((1 - here) * self.terms_here)
         if n > DENSE_LIMIT and self.reduced:
             guarded, basis = self._vectors(modes)
-            here = part_here(n) if processes is None else 1 / processes if are_spread(n, processes) else 1.0
             number = 16 if kind == "complex" else 8
             order = 2 * basis if kind == "quadratic" else basis
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
             own = here * (basis + _CORRECTED * guarded)
             parts["vectors"] = int(8 * n * (own + _SAMPLES + _SEARCHED) + blocks)
-            shapes = self.lifted + int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
+            shapes = int((here if self.shares_rows else 1.0) * self.lifted)
+            shapes += int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
             # Most shapes are exact without factors; of a large problem, whose factors are gone by then, all are taken
             # to be.
             gone = parts["matrices"] + parts["vectors"] + (self.factors if self.large else 0)
@@ -182,6 +191,17 @@ class MemoryCount:
     def with_factors(self, factors: int) -> MemoryCount:
         """Return the same with factors of so many bytes."""
         return replace(self, factors=factors, fixed={**self.fixed, "factors": factors})
+
+    @property
+    def shares_rows(self) -> bool:
+        """Whether the sums of the matrices keep their rows where they are: those of complex stiffness do not."""
+        return self.problem_class != "complex"
+
+    def rows(self, processes: int) -> int:
+        """Return the bytes of the matrices that each of several processes has the rows of."""
+        if self.unknowns <= DENSE_LIMIT or not are_spread(self.unknowns, processes):
+            return 0
+        return int((self.terms_here + self.shares_rows * self.fixed["matrices"]) / processes)
 
     def share(self, modes: int, processes: int) -> int:
         """Return the bytes of the vectors that each of several processes has a part of."""
@@ -244,7 +264,7 @@ def count_memory(
     fixed = _loaded_parts() | static | {
         "matrices": int(matrices), "factors": factors, "errors": int(_SIZES * real), "freed, but kept": _KEPT,
     }  # fmt: skip
-    return MemoryCount(n, values, terms, kind, False, factors, fixed)
+    return MemoryCount(n, values, terms, kind, False, factors, fixed, terms_here=_bytes_of(problem))
 
 
 def _static_factors(
@@ -282,7 +302,13 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     fixed = _loaded_parts() | static | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
     fixed["program and model"] -= aside
     n, terms = problem.unknowns, len(problem.terms) + more
-    return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large)
+    return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large, _bytes_of(problem))
+
+
+def _bytes_of(problem: Problem) -> int:
+    """Return the bytes of the terms of bodies that this process has alone, as far as they are not in files."""
+    own = {id(t.matrix): t.matrix for t in problem.terms if t.symmetric and not isinstance(t.matrix, SpreadMatrix)}
+    return sum(12 * A.nnz for A in own.values() if A.data.flags.writeable)
 
 
 def _moved(problem: Problem, parameter: str, values: int) -> tuple[int, int]:
@@ -323,7 +349,7 @@ def factorised_matrix(pencil: Pencil) -> sp.csr_array:
     """Return a matrix of the pattern and type that is factorised where a mode is made exact."""
     sigma = shift_below(symmetric_part(pencil), None)
     A = pencil.K - sigma * pencil.M
-    return sp.csr_array(A if pencil.C is None else A + 1j * np.sqrt(-sigma) * pencil.C)
+    return in_rows(A if pencil.C is None else A + 1j * np.sqrt(-sigma) * pencil.C)
 
 
 def _factors(

@@ -29,8 +29,9 @@ from fe_squeal.sweep.forecast import MemoryCount, count_memory
 ROOT = Path(__file__).parents[2]
 SMALL = replaced("size = 0.02", "size = 0.01", replaced('file = "block.msh"\n', ""))  # 405 unknowns, solved directly
 LARGE = MemoryCount(
-    100_000, 20, 15, "nonsymmetric", True, 10**9, {"program and model": 10**9, "factors": 10**9, "matrices": 10**9}
-)
+    100_000, 20, 15, "nonsymmetric", True, 10**9, {"program and model": 10**9, "factors": 10**9, "matrices": 10**9},
+    terms_here=4 * 10**8,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("method", ["direct", "reduced"])
@@ -101,22 +102,39 @@ def rows(processes, gib, modes=50):
     return [text for _, text in fits_there(chain(), LARGE, modes, Machines(processes, memory))]
 
 
-def spread():
-    """The bytes of what all processes share: what process 0 has less of if there are any number of others."""
-    return LARGE.at(50, 1).total - LARGE.at(50, 10**9).total
+def besides(count):
+    """The bytes that process 0 of so many has besides factors."""
+    return LARGE.at(50, count).total - LARGE.factors
+
+
+def shared(count):
+    """The bytes of vectors, and of matrices, that each of so many processes has."""
+    whole = LARGE.at(50, 1).parts["vectors"] - LARGE.at(50, 10**9).parts["vectors"]
+    return whole / count, 1.4e9 / count
+
+
+@pytest.mark.parametrize("count", [2, 8])
+def test_rows_of_matrices_and_of_vectors_are_shared(count):
+    """Of the terms, which this process has alone, of their sums, and of the basis; complex sums stay where they are."""
+    one, some = LARGE.at(50, 1).parts, LARGE.at(50, count).parts
+    assert some["matrices"] == 10**9 // count
+    assert some["program and model"] == pytest.approx(10**9 - 4e8 * (1 - 1 / count))
+    assert one["vectors"] - some["vectors"] == pytest.approx((count - 1) * shared(count)[0], rel=1e-6)
+    lossy = replace(LARGE, problem_class="complex")
+    assert lossy.at(50, count).parts["matrices"] == 10**9 and lossy.rows(count) == 4 * 10**8 // count
+    assert LARGE.rows(1) == replace(LARGE, unknowns=columns._LEAST - 1).rows(count) == 0
 
 
 def test_process_0_holds_all_but_the_others_parts(monkeypatch):
-    """Of the factors and of the basis, which is spread evenly."""
+    """Of the factors, and of matrices and of the basis, which are spread evenly."""
     monkeypatch.setattr(fits, "_factors", lambda _, count, processes: (count.factors, None, "as given"))
-    besides = (LARGE.at(50).total - LARGE.factors) / 2**20
     for count in (1, 2, 8):
         found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", rows(count, None)[0])]
         factors = 10**9 / 2**20 / count**0.7
-        vectors = spread() / 2**20 / count
-        expected = [besides + factors, factors]
+        vectors, matrices = (size / 2**20 for size in shared(count))
+        expected = [besides(count) / 2**20 + factors, factors]
         if count > 1:
-            expected = [besides - (count - 1) * vectors + factors, factors, vectors, 120 + factors + vectors]
+            expected += [vectors, matrices, 120 + factors + vectors + matrices]
         assert found == pytest.approx(expected, rel=5e-3)
 
 
@@ -125,10 +143,11 @@ def test_what_would_fit_on_processes_does(monkeypatch):
     monkeypatch.setattr(fits, "_factors", lambda _, count, processes: (count.factors, None, "as given"))
     total = LARGE.at(50).total / 2**30
     assert "does not fit" in rows(1, total - 0.01)[1] and rows(1, total + 0.01)[1].startswith("fits; 5")
-    room = total - (10**9 * (1 - 8**-0.7) + spread() * 7 / 8) / 2**30 + 1e-4
-    said = rows(2, room)[1]
-    assert "what would: 8 processes, or " in said
-    assert rows(8, room)[1].startswith("fits") and rows(7, room)[1].startswith("does not")
+    for count in (8, 3):
+        room = (besides(count) + 10**9 * count**-0.7) / 2**30 + 1e-4
+        said = rows(2, room)[1]
+        assert f"what would: {count} processes, or " in said
+        assert rows(count, room)[1].startswith("fits") and rows(count - 1, room)[1].startswith("does not")
     modes = int(re.search(r"(\d+) modes", said)[1])
     assert rows(2, room, modes)[1].startswith("fits") and rows(2, room, modes + 1)[1].startswith("does not")
     assert "processes" not in rows(2, 1.0)[1]  # process 0 holds more than that besides its part of the factors
@@ -161,25 +180,26 @@ def test_under_mpiexec_each_process_has_its_own_factors(processes, asked, source
     for here in {1, processes}:
         started(monkeypatch, processes, here)
         factors, disk = (of * (processes / asked) ** 0.7 for of in (LARGEST, ON_DISK))
-        besides = LARGE.at(50, 1).total - LARGE.factors - spread() * (1 - 1 / asked)
-
-        parts, room = rows(asked, (besides + factors) / 2**30 + 1e-4)
-        assert parts.endswith(f"({source})") and room.startswith("fits; 50 modes")
+        own = besides(asked)
+        parts, room = rows(asked, (own + factors) / 2**30 + 1e-4)
+        assert parts.endswith(f"({source})") and room.startswith(("fits; 50 modes", "fits; 51 modes"))
         found = [float(a) * {"M": 1, "G": 1024}[b] for a, b in re.findall(r"([\d.]+) ([MG])iB", parts)]
-        expected = [besides + factors, factors, spread() / asked, 120 * 2**20 + factors + spread() / asked]
+        expected = [own + factors, factors, *shared(asked), 120 * 2**20 + factors + sum(shared(asked))]
         assert found == pytest.approx([size / 2**20 for size in expected], rel=5e-3)
-        room = rows(asked, (besides + factors) / 2**30 - 1e-4)[1]
+        room = rows(asked, (own + factors) / 2**30 - 1e-4)[1]
         assert f"does not fit; what would: {asked + 1} processes, or factors on disk" in room
-        assert "factors on disk" in rows(asked, (besides + disk) / 2**30 + 1e-4)[1]
-        assert "factors on disk" not in rows(asked, (besides + disk) / 2**30 - 1e-4)[1]
+        assert "factors on disk" in rows(asked, (own + disk) / 2**30 + 1e-4)[1]
+        assert "factors on disk" not in rows(asked, (own + disk) / 2**30 - 1e-4)[1]
 
 
 @pytest.mark.parametrize(("processes", "here"), [(1, 1), (4, 1), (4, 2), (4, 4)])
 def test_the_forecast_is_what_this_machine_holds(processes, here, monkeypatch):
     """Of spread vectors the parts of its processes, and the largest part of the factors for each of them."""
-    whole = LARGE.at(50, 1).total
+    one = LARGE.at(50, 1).parts
     started(monkeypatch, processes, here)
-    assert LARGE.at(50).total == pytest.approx(whole - spread() * (1 - here / processes), rel=1e-9)
+    some, part = LARGE.at(50).parts, here / processes
+    assert some["matrices"] == part * one["matrices"] and some["program and model"] == one["program and model"]
+    assert one["vectors"] - some["vectors"] == pytest.approx((1 - part) * shared(1)[0], rel=1e-6)
     A = chain().pencil().K
     assert mumps.Mumps().memory(A, False) == here * LARGEST
     assert mumps.Mumps(mumps.MumpsOptions(out_of_core=True)).memory(A, False) == here * ON_DISK

@@ -28,6 +28,15 @@ def test_values_in_any_order_are_one_interval():
     assert told.warnings == told.unsettled == [f"at mu = 0.1 to 0.3 {LOST}"]
 
 
+@pytest.mark.parametrize("low", [1.5, np.float64(1.5)])
+def test_low_frequencies_that_were_left_out_are_told(low):
+    """Whatever kind of number the search has for where they end."""
+    told = Told("mu")
+    told.not_searched(0.1, Unsearched(low=low).joined(DAMPED))
+    assert len(told.unsettled) == 1 and "modes below 0.239 Hz" in told.unsettled[0]
+    assert bool(Unsearched(low=low)) and not Unsearched(low=0 * low)
+
+
 def test_what_decays_is_told_apart_and_leaves_no_onset_in_doubt():
     told = Told("mu")
     told.not_searched(0.1, DAMPED)

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from scipy.special import ellipj, ellipk
 
 from .factor import Solve
+from .spread_matrix import in_rows, sizes_times
 
 _LOST = 2e-2  # relative error of A⁻¹ᐟ² b that is accepted: norms of random samples are uncertain by 15 % anyway
 _STEPS = 12  # number of steps of the power method for the smallest eigenvalue
@@ -38,9 +39,7 @@ def inverse_root(
         Relative error of Z.
     """
     scale = 1 / np.sqrt(A.diagonal())
-    D = sp.diags_array(scale)
-    B = sp.csr_array(D @ A @ D)
-    largest = float(abs(B).sum(axis=1).max())
+    largest = float((scale * sizes_times(A, scale)).max())  # at least the largest sum of a row of |B|
     x = np.random.default_rng(_SEED).standard_normal(A.shape[0])
     smallest = largest
     for _ in range(_STEPS):  # B⁻¹ = D^½ A⁻¹ D^½
@@ -53,7 +52,7 @@ def inverse_root(
         total = np.zeros_like(b, dtype=float)
         for s, c in zip(shifts, weights, strict=True):
             # (B + s)⁻¹ b = D^½ (A + sD)⁻¹ D^½ b, and Z takes D⁻¹ᐟ² of it
-            inner = factorize(sp.csr_array(A + sp.diags_array(s / scale**2)))
+            inner = factorize(in_rows(A + sp.diags_array(s / scale**2)))
             total += c * inner((b.T / scale).T)
         return total
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +20,7 @@ from .petsc import MumpsOptions, Told, petsc
 from .processes import give_up, local_count, new_handle, together
 from .refinement import contraction, refined
 from .scratch import scratch_folder
+from .spread_matrix import SpreadMatrix
 
 _NO_ROOM = {-8, -9, -11, -13, -14, -17, -18, -19, -20, -22}  # MUMPS' errors of workspace that is too small
 _SINGULAR = {-6, -10}
@@ -52,7 +54,7 @@ class MumpsFactor:
         self._n = A.shape[0]
         self._symmetric, self._asked, self._options = symmetric, options, options
         real = _real_form(A) if self._complex else _sorted(A)
-        self._size = real.shape[0]
+        self._size, self._partition = real.shape[0], real.partition if isinstance(real, SpreadMatrix) else None
         if options.out_of_core:
             self._options = options = replace(options, folder=_files(options.folder))
         if self._size >= _FORECAST:
@@ -60,10 +62,7 @@ class MumpsFactor:
             require_memory(_here(told, options), self._n)
             self._require_disk(told)
         self._handle = new_handle()
-        told = together(
-            "factorize", real, handle=self._handle, n=self._size, symmetric=symmetric and not self._complex,
-            definite=definite, options=options, analyse_only=False,
-        )  # fmt: skip
+        told = _factorized(real, self._handle, symmetric and not self._complex, definite, options, analyse_only=False)
         self._raise(told)
         self._told = told
         counts = symmetric and not self._complex
@@ -152,15 +151,16 @@ class MumpsFactor:
         columns = np.asarray(b, dtype=float).reshape(self._size, -1)
         if not columns.shape[1]:
             return np.zeros(b.shape)
-        parts = []
+        parts, at = [], self._partition  # the factors have the unknowns in the order of the processes
         for begin, end in pieces(*columns.shape):
-            part, error = together("solve", columns[:, begin:end], handle=self._handle, n=self._size,
+            some = columns[:, begin:end]
+            part, error = together("solve", some if at is None else some[at.order], handle=self._handle, n=self._size,
                                    columns=end - begin, transposed=transposed)  # fmt: skip
             if error < 0:
                 self._raise_from_solve(error)
             if not np.isfinite(part).all():
                 raise SingularError("MUMPS: the matrix is singular to working precision")
-            parts.append(part)
+            parts.append(part if at is None else part[at.position])
         x: np.ndarray = parts[0] if len(parts) == 1 else np.hstack(parts)
         return x.reshape(b.shape)
 
@@ -188,6 +188,8 @@ class MumpsDefinite(MumpsFactor):
 
 
 def _sorted(A: sp.csr_array) -> sp.csr_array:
+    if isinstance(A, SpreadMatrix):
+        return A
     A = sp.csr_array(A, dtype=float, copy=True)
     A.sum_duplicates()
     return A
@@ -199,9 +201,20 @@ def _real_form(A: sp.csr_array) -> sp.csr_array:
 
 def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> Told:
     """Return what the analysis of a real matrix tells, without its factors."""
+    return _factorized(A, new_handle(), symmetric, definite, options, analyse_only=True)
+
+
+def _factorized(
+    A: sp.csr_array, handle: int, symmetric: bool, definite: bool, options: MumpsOptions, analyse_only: bool
+) -> Told:  # fmt: skip
+    """Factorise a real matrix on all processes, or analyse it alone; its rows may be there already."""
+    where: dict[str, Any] = {}
+    here: sp.csr_array | None = A
+    if isinstance(A, SpreadMatrix):
+        where, here = A.where(), A.rest
     told: Told = together(
-        "factorize", A, handle=new_handle(), n=A.shape[0], symmetric=symmetric, definite=definite, options=options,
-        analyse_only=True,
+        "factorize", here, handle=handle, n=A.shape[0], symmetric=symmetric, definite=definite, options=options,
+        analyse_only=analyse_only, **where,
     )  # fmt: skip
     return told
 

@@ -8,6 +8,7 @@ They wait for that asleep most of the time, so that they take no core from it.
 
 from __future__ import annotations
 
+import importlib
 import os
 import socket
 import sys
@@ -22,7 +23,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, NotConvergedError, TooLargeError
 from ...process.ranks import is_helper, process_count
-from . import column_parts
+from . import column_parts, matrix_parts
 from .column_parts import ends, gathered, scattered
 from .petsc import MumpsOptions, PetscMatrix, Told, petsc
 from .scratch import own_folder, remove_scratch
@@ -55,8 +56,10 @@ def _comm() -> Any:
 
 
 def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> Told:
-    """Spread the rows over the processes, and factorise."""
-    if comm is None:
+    """Spread the rows over the processes if they are not, and factorise."""
+    if "parts" in what:
+        rows = matrix_parts.rows_to_factorise(comm, what, A)
+    elif comm is None:
         assert A is not None
         rows = A
     else:
@@ -101,12 +104,21 @@ def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
     return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, n))
 
 
+def _call(comm: Any, what: dict[str, Any], data: Any) -> Any:
+    """Do a step of a room that this one does not know, named "module:function"."""
+    module, name = what["function"].split(":")
+    return getattr(importlib.import_module(module), name)(comm, what, data)
+
+
 _STEPS: dict[str, Callable[..., Any]] = {
     "factorize": _factorize, "solve": _solve,
     "make columns": column_parts.make, "put columns": column_parts.put, "mix columns": column_parts.mix,
     "keep columns": column_parts.keep,
     "combine columns": column_parts.combine, "cross columns": column_parts.cross,
     "rows of columns": column_parts.rows,
+    "partition": matrix_parts.partition, "put rows": matrix_parts.put_rows, "product of rows": matrix_parts.product,
+    "call": _call, "diagonal of rows": matrix_parts.diagonal, "some rows": matrix_parts.some_rows,
+    "scale of rows": matrix_parts.scale,
 }  # fmt: skip
 
 
@@ -115,6 +127,7 @@ def _take_part(comm: Any, name: str, what: dict[str, Any], data: Any) -> Any:
         if handle in _matrices:
             _matrices.pop(handle).destroy()
         column_parts.release(handle)
+        matrix_parts.release(handle)
     return _STEPS[name](comm, what, data)
 
 

@@ -1,0 +1,236 @@
+"""Matrices with their rows on all processes: each operation against that of SciPy's, their assembly, and sweeps.
+
+Without mpiexec one process has all rows, and does every step with them; `make test-mpi` runs these on 1, 2 and 3.
+"""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import threading
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hard_problems import LINING, brake
+from mixed_cases import lining
+from numpy.testing import assert_allclose
+from selection import some
+
+from fe_squeal import sweep
+from fe_squeal.eigen.linear import column_parts, matrix_parts
+from fe_squeal.eigen.linear.choice import choose
+from fe_squeal.eigen.linear.half import inverse_root
+from fe_squeal.eigen.linear.mumps import has_mumps
+from fe_squeal.eigen.linear.spread_matrix import Part, Partition, SpreadMatrix, sizes_times
+from fe_squeal.eigen.pencil import _scale_of_entries, _times
+from fe_squeal.fem import row_assembly
+from meshes import STEEL
+
+N = 103
+TIED = {"rigid": [{"name": "plate", "surface": "top_pad", "mass": 0.1, "inertia": [1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0]}]}
+MIXED: dict = {
+    "materials": {"steel": STEEL, "lining": lining(0.4995)},
+    "bodies": {"belt": {"material": "steel"}, "pad": {"material": "lining", "formulation": "mixed"}},
+}
+
+
+@pytest.fixture
+def spread(monkeypatch):
+    """Bodies are assembled on all processes, however small."""
+    monkeypatch.setattr(row_assembly, "are_spread", lambda n, processes: True)
+
+
+def pair(seed=0, friction=True):
+    """A matrix, not symmetric if there is friction, and the same one with two symmetric summands on all processes."""
+    rng = np.random.default_rng(seed)
+    A, B = (sp.random_array((N, N), density=0.05, random_state=rng, format="csr") for _ in range(2))
+    A, B = (sp.csr_array(X + X.T + 5 * sp.eye_array(N)) for X in (A, B))
+    R = sp.csr_array((rng.standard_normal(9), rng.integers(0, N, (2, 9))), shape=(N, N)) if friction else None
+    partition = Partition.by(rng.permutation(N))
+    found = SpreadMatrix([(2.0, Part.of(partition, A)), (-0.5, Part.of(partition, B))], R)
+    whole = 2.0 * A - 0.5 * B
+    return sp.csr_array(whole if R is None else whole + R), found
+
+
+def same(spread, expected):
+    assert isinstance(spread, SpreadMatrix)
+    assert_allclose(spread.toarray(), expected.toarray(), atol=1e-14)
+
+
+@pytest.mark.parametrize("most", [2**27, 3 * N])
+@pytest.mark.parametrize("friction", [False, True])
+def test_products_are_those_of_scipy(friction, most, monkeypatch):
+    """In one piece, and in several where all at once is too much; with vectors and blocks, real and complex."""
+    monkeypatch.setattr(column_parts, "_MOST", most)
+    A, S = pair(friction=friction)
+    X = np.random.default_rng(1).standard_normal((N, 4))
+    before = SpreadMatrix.whole_count
+    for x in (X, X[:, 0], X + 2j * X[::-1], (1j * X)[:, 1], X[:, :0], np.asfortranarray(X), X.astype(np.float32)):
+        assert_allclose(S @ x, A @ x, atol=1e-12)
+        assert_allclose(S.T @ x, A.T @ x, atol=1e-12)
+        assert_allclose(x.T @ S, x.T @ A, atol=1e-12)
+    assert_allclose(S.diagonal(), A.diagonal(), atol=1e-14)
+    bound = sizes_times(S, np.abs(X))
+    assert (bound >= (1 - 1e-12) * (abs(A) @ np.abs(X))).all()
+    assert (bound <= 3 * (abs(A) @ np.abs(X)) + 10).all()
+    assert SpreadMatrix.whole_count == before
+    with pytest.raises(ValueError, match="do not belong together"):
+        S @ X[:-1]
+
+
+def test_sums_and_multiples_stay_on_all_processes():
+    A, S = pair()
+    B = S * 0.25 + S.T
+    D = sp.diags_array(np.arange(float(N)))
+    before = SpreadMatrix.whole_count
+    results = [
+        S * 3.0, 3.0 * S, -S, S / 4.0, S + B, S - B, S + D, D.tocsr() + S, S - D, D.tocsr() - S, S.T, S.conj(), S.real,
+        np.float64(2.0) * S, (S + S.T) / 2,
+    ]  # fmt: skip
+    assert SpreadMatrix.whole_count == before
+    other = A * 0.25 + A.T
+    expected = [
+        A * 3.0, 3.0 * A, -A, A / 4.0, A + other, A - other, A + D, D + A, A - D, D - A, A.T, A.conj(), A.real, 2.0 * A,
+        (A + A.T) / 2,
+    ]  # fmt: skip
+    for found, right in zip(results, expected, strict=True):
+        same(found, right)
+    assert len((S - S).parts) == 2 and abs(S - S).max() == 0  # the same matrices, not four of them
+
+
+def test_some_rows():
+    A, S = pair()
+    before = SpreadMatrix.whole_count
+    wanted = np.array([N - 1, 0, 50, 51, 3])
+    for rows in (wanted, np.zeros(0, int), np.arange(N), np.arange(N) % 3 == 0, slice(2, 60, 7)):
+        assert_allclose(S[rows].toarray(), A[rows].toarray(), atol=1e-14)
+    assert SpreadMatrix.whole_count == before
+    assert_allclose(S[wanted][:, wanted].toarray(), A[wanted][:, wanted].toarray(), atol=1e-14)
+    assert S[3, 3] == pytest.approx(A[3, 3])
+
+
+def test_everything_else_is_that_of_the_whole_matrix():
+    """What SciPy does is right, though the matrix is brought to one process for it."""
+    A, S = pair()
+    X = sp.random_array((N, 3), density=0.3, random_state=np.random.default_rng(3), format="csr")
+    D = sp.diags_array(np.arange(1.0, N + 1))
+    before = SpreadMatrix.whole_count
+    for found, right in (
+        (abs(S), abs(A)), (sp.csr_array(S), A), (S.tocsc(), A.tocsc()), (S * 1j, A * 1j), (S.astype(complex), A),
+        (S @ X, A @ X), (X.T @ S, X.T @ A), (D @ S @ D, D @ A @ D), (S + 1j * D, A + 1j * D),
+        (S.multiply(S.T), A.multiply(A.T)),
+        (sp.block_array([[S, None], [None, S]]), sp.block_array([[A, None], [None, A]])), (sp.triu(S), sp.triu(A)),
+        (pickle.loads(pickle.dumps(S)), A), (sp.vstack([S, S]), sp.vstack([A, A])),
+    ):  # fmt: skip
+        assert not isinstance(found, SpreadMatrix)
+        assert_allclose(found.toarray(), right.toarray(), atol=1e-13)
+    assert SpreadMatrix.whole_count > before
+    assert_allclose(S.sum(axis=1), A.sum(axis=1), atol=1e-13)
+    assert S.max() == pytest.approx(A.max()) and S.sum() == pytest.approx(A.sum())
+    assert sp.issparse(S) and S.shape == A.shape and S.dtype == A.dtype and S.format == "csr"
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_the_size_of_what_cancels(friction):
+    """As that of a matrix of one process, where friction has entries at (i, j) alone, too."""
+    A, S = pair(friction=friction)
+    x = np.random.default_rng(4).uniform(size=(N, 3))
+    A.sum_duplicates()
+    assert_allclose(_times(_scale_of_entries(S), x), _times(_scale_of_entries(A), x), rtol=1e-12)
+
+
+@pytest.mark.skipif(not has_mumps(), reason="no petsc4py with MUMPS; see make test-mpi")
+@pytest.mark.parametrize("friction", [False, True])
+def test_factors(friction):
+    """Solves both ways, inertia, and the inverse root of a definite matrix, without the whole matrix here."""
+    A, S = pair(friction=friction)
+    before = SpreadMatrix.whole_count
+    factor = choose("mumps").factorize(S, not friction)
+    for b in (np.random.default_rng(5).standard_normal((N, 3)) * (1 + 2j), np.arange(float(N))):
+        assert_allclose(A @ factor.solve(b), b, atol=1e-9)
+        assert_allclose(A.T @ factor.solve_transposed(b), b, atol=1e-9)
+    assert SpreadMatrix.whole_count == before
+    if friction:
+        return
+    assert factor.negative_pivots == np.count_nonzero(np.linalg.eigvalsh(A.toarray()) < 0)
+    shift = 1 - np.linalg.eigvalsh(A.toarray())[0]
+    definite = choose("mumps").factorize_definite(S + shift * sp.eye_array(N))
+    Z = definite.half_solve(np.eye(N))
+    exact = np.linalg.inv((A + shift * sp.eye_array(N)).toarray())
+    assert np.linalg.norm(Z @ Z.T - exact, 2) < 0.05 * np.linalg.norm(exact, 2)
+    assert SpreadMatrix.whole_count == before
+
+
+def test_a_bound_of_the_largest_eigenvalue_serves_the_inverse_root():
+    """On one process too: Z Zᵀ = A⁻¹ of a chain whose eigenvalues are known."""
+    K = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(60, 60)).tocsr()
+    dense = np.linalg.inv(K.toarray())
+    Z = inverse_root(K, lambda b: np.linalg.solve(K.toarray(), b), lambda A: lambda b: np.linalg.solve(A.toarray(), b))
+    root = Z(np.eye(60))
+    assert np.linalg.norm(root @ root.T - dense, 2) < 0.05 * np.linalg.norm(dense, 2)
+
+
+def test_rows_are_forgotten_with_the_last_matrix():
+    _, S = pair()
+    handles = [part.handle for _, part in S.parts]
+    twice = 2.0 * S
+    del S
+    gc.collect()
+    pair(1)
+    assert set(handles) <= set(matrix_parts._rows)
+    del twice
+    gc.collect()
+    pair(2)
+    assert not set(handles) & set(matrix_parts._rows)
+
+
+@pytest.mark.parametrize("kind", some(["hex2", "hex1", "tet2", "tet1"], lambda kind: kind == "tet2"))
+@pytest.mark.parametrize("more", [{}, TIED, MIXED], ids=["plain", "tied", "mixed"])
+def test_bodies_are_those_of_one_process(kind, more, spread, request):
+    """Element by element summed where the rows are; supports, a rigid part, and the bubbles of mixed elements."""
+    order = {} if kind.endswith("2") else {"order": 1}
+    more = dict(more)
+    found = brake(kind=kind, **more, **order)
+    request.getfixturevalue("monkeypatch").undo()
+    expected = brake(kind=kind, **more, **order)
+    count = 0
+    for a, b in zip(found.terms, expected.terms, strict=True):
+        assert a.name == b.name and a.symmetric == b.symmetric and a.powers == b.powers
+        assert abs(a.matrix - b.matrix).max() <= 1e-14 * abs(b.matrix).max()
+        if a.name.startswith(("mass.", "elastic.")):
+            assert isinstance(a.matrix, SpreadMatrix) and not isinstance(b.matrix, SpreadMatrix)
+            count += 1
+    assert count >= 4
+
+
+def test_other_threads_assemble_alone(spread):
+    """The processes do one thing at a time: a mesh that is prepared beside a sweep belongs to this process."""
+    found = []
+    thread = threading.Thread(target=lambda: found.append(brake(((2, 1, 1), (1, 1, 1)))))
+    thread.start()
+    thread.join()
+    assert not any(isinstance(t.matrix, SpreadMatrix) for t in found[0].terms)
+
+
+@pytest.mark.parametrize("method", ["reduced", "direct"])
+@pytest.mark.parametrize("effects", some(
+    [{}, {"rayleigh": {"alpha": 30.0, "beta": 1e-8}}, {"structural_damping": {}}], lambda effects: not effects
+), ids=["friction", "damped", "loss"])  # fmt: skip
+def test_a_sweep_of_spread_matrices(effects, method, spread, request):
+    """The same λ and onsets; a reduced sweep of friction alone brings no whole matrix here."""
+    solver = "mumps" if has_mumps() else "auto"
+    values, how = [0.0, 0.4, 0.8], {"modes": 8, "method": method, "linear_solver": solver}
+    materials = {"steel": STEEL, "lining": {**LINING, "loss_factor": 0.02}}
+    before = SpreadMatrix.whole_count
+    found = sweep(brake(effects=dict(effects), materials=materials), values, **how)
+    if method == "reduced" and has_mumps() and not effects:
+        assert SpreadMatrix.whole_count == before
+    request.getfixturevalue("monkeypatch").undo()
+    expected = sweep(brake(effects=dict(effects), materials=materials), values, **how)
+    for a, b in zip(found.points, expected.points, strict=True):
+        assert_allclose(a.modes.lam, b.modes.lam, rtol=0, atol=1e-8 * np.abs(b.modes.lam).max())
+    assert [o.kind for o in found.onsets] == [o.kind for o in expected.onsets]
+    for a, b in zip(found.onsets, expected.onsets, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-7)
+    assert found.completeness == expected.completeness and found.completeness.proven == (not effects)
