@@ -11,6 +11,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .inertia import count_beneath, negative_at_infinity
 from .linear.factor import LinearSolver
+from .linear.spread_matrix import in_rows, largest, sizes_times
 from .pencil import Pencil
 from .shift import symmetric_part, turned_stiffness
 
@@ -45,10 +46,10 @@ def may_grow(pencil: Pencil, rate: float, linear_solver: LinearSolver | str = "a
     linear_solver : LinearSolver or str
     """
     undamped, theta = symmetric_part(pencil), -((_STIFFNESS * rate) ** 2)
-    if pencil.C is None or not pencil.C.count_nonzero():
+    if pencil.C is None or not largest(pencil.C):
         below = count_beneath(undamped, theta, linear_solver)
         return None if below is None else below > 0 or _multipliers_work(pencil, undamped, linear_solver)
-    mass, damping = (np.asarray(abs(A).sum(axis=1)).ravel() for A in (pencil.M, pencil.C))
+    mass, damping = (sizes_times(A, np.ones(pencil.n)) for A in (pencil.M, pencil.C))
     light = (mass == 0) & (damping > 0)
     undamped = _with_mass(undamped, light, theta)
     below = count_beneath(undamped, theta, linear_solver)
@@ -82,8 +83,8 @@ def _with_mass(pencil: Pencil, light: np.ndarray, theta: float) -> Pencil:
     Unknowns with a damper and without mass are no constraints, as `count_beneath` takes those without mass: a negative
     stiffness at the damper makes a real λ grow.
     """
-    small = _LITTLE * abs(pencil.K).max() / -theta
-    return replace(pencil, M=sp.csr_array(pencil.M + sp.diags_array(small * light)))
+    small = _LITTLE * largest(pencil.K) / -theta
+    return replace(pencil, M=in_rows(pencil.M + sp.diags_array(small * light)))
 
 
 def may_grow_dense(M: np.ndarray, C: np.ndarray | None, K: np.ndarray, rate: float) -> bool:
@@ -122,8 +123,8 @@ def whirls(pencil: Pencil, rate: float) -> bool:
     """
     if pencil.C is None:
         return False
-    skew = sp.csr_array((pencil.C - pencil.C.T) / 2)
-    if abs(skew).max() <= _EQUAL * abs(pencil.C).max():
+    skew = in_rows((pencil.C - pencil.C.T) / 2)
+    if largest(skew) <= _EQUAL * largest(pencil.C):
         return False
     return gyroscopic_rate(pencil.M, skew) > _SLOW * rate
 

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ..errors import NotConvergedError
 from .linear.choice import factorize
 from .linear.factor import Factor, LinearSolver
+from .linear.spread_matrix import sizes_times
 from .multiple import ROUNDING
 from .pencil import Pencil
 
@@ -52,12 +53,14 @@ def unforced(A: sp.csr_array, Z: np.ndarray, rounding: float) -> np.ndarray:
     if not Z.shape[1]:
         return np.zeros((0, 0))
     V = la.svd(A @ Z, full_matrices=False)[2].conj().T
-    forces, sizes = (np.linalg.norm(x, axis=0) for x in (A @ (Z @ V), abs(A) @ amplitudes(Z @ V)))
+    forces, sizes = (np.linalg.norm(x, axis=0) for x in (A @ (Z @ V), sizes_times(A, amplitudes(Z @ V))))
     return np.asarray(V[:, forces <= rounding * sizes])
 
 
 def kernel_within(pencil: Pencil, motions: np.ndarray) -> np.ndarray:
     """Return the motions (n, k) in the span of `motions` (n, m) that K does not hold, to within rounding."""
+    if not motions.shape[1]:
+        return motions
     d = pencil.units[0][:, None]
     return np.asarray(d * _in_kernel(_scaled_parts(pencil), la.qr(motions / d, mode="economic")[0]))
 
@@ -77,8 +80,8 @@ def find_kernel(pencil: Pencil, linear_solver: LinearSolver | str = "auto") -> n
     Unknowns that have no entry in K are motions of the kernel by themselves. They are left out of the search, in which
     their forces, all zero, would be measured by rounding of others.
     """
-    n, size = pencil.n, abs(pencil.K)
-    alone = (size.sum(axis=0) == 0) & (size.sum(axis=1) == 0)
+    n, one = pencil.n, np.ones(pencil.n)
+    alone = (sizes_times(pencil.K, one) == 0) & (sizes_times(pencil.K.T, one) == 0)
     if not alone.any():
         return _coupled_kernel(pencil, linear_solver)
     rest = np.flatnonzero(~alone)

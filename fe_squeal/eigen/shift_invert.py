@@ -286,7 +286,7 @@ class ShiftInverted:
         """With the n×n factors of Q(σ) alone: (u, v) of (A − σ)(u, v) = (a, b) is u = −Q(σ)⁻¹(Mb + (C + σM)a)."""
         assert self.pencil.C is not None
         M = _columns(self.pencil.M, self._mass)
-        C = _columns(sp.csr_array(self.pencil.C.T) if adjoint else self.pencil.C, self._active)
+        C = _columns(in_rows(self.pencil.C.T) if adjoint else self.pencil.C, self._active)
         sigma, k = np.conj(self._shift) if adjoint else self._shift, len(self._active)
         return lambda z: -solve(lift(M, sigma * (z[k:] + z[:k][self._moving])) + lift(C, z[:k]))
 
@@ -304,7 +304,7 @@ class ShiftInverted:
         if pencil.C is None:
             S, L = u[self._active], (pencil.M @ a)[self._active]
         else:
-            C = pencil.C if adjoint else sp.csr_array(pencil.C.T)
+            C = pencil.C if adjoint else in_rows(pencil.C.T)
             shift = np.conj(self._shift) if adjoint else self._shift
             S = np.vstack([u[self._active], v[self._mass] / shift])
             L = np.vstack([(C @ a + pencil.M @ b)[self._active], np.conj(shift) * (pencil.M @ a)[self._mass]])

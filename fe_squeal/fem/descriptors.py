@@ -166,7 +166,7 @@ def _along(space: DisplacementSpace, mass: Any, elements: np.ndarray, axis: np.n
         part = sp.csr_array(scalar.T @ nodal_mass(space, elements) @ scalar)
         part.resize((size, size))
         return part
-    if isinstance(mass, SpreadMatrix):
+    if isinstance(mass, SpreadMatrix) and space.bubbles is None:
         return spread_mass(space, elements, np.outer(axis, axis))
     full = sp.kron(sp.eye_array(space.nodes), sp.csr_array(np.outer(axis, axis)), format="csr")
     P = sp.csr_array(full[space.free][:, space.free])

@@ -57,7 +57,7 @@ def _on_all(space: DisplacementSpace, summing: str, count: int, *given: object) 
     global _known
     partition = space.partition
     if _known is None or _known() is not partition:
-        together("call", replace(space), function=f"{__name__}:know")
+        together("call", space, function=f"{__name__}:know")
         _known = weakref.ref(partition)
     handles = [new_handle() for _ in range(count)]
     told = together(
@@ -70,7 +70,10 @@ def _on_all(space: DisplacementSpace, summing: str, count: int, *given: object) 
 def know(comm: Any, what: dict[str, Any], space: DisplacementSpace | None) -> None:
     """Let every process know the space that process 0 has."""
     global _space
-    _space = space if comm is None else comm.bcast(space, root=0)
+    sent = None if space is None else replace(space)  # without what it keeps, which each process makes of its own
+    _space = space if comm is None else comm.bcast(sent, root=0)
+    if space is not None:
+        _space = space
 
 
 def assemble_rows(comm: Any, what: dict[str, Any], data: None) -> list[Told] | None:

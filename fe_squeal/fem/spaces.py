@@ -196,7 +196,8 @@ class DisplacementSpace:
             functions = self.nodes + self.bubbles.functions_of(mesh, np.arange(count))
             np.minimum.at(first, functions, np.broadcast_to(rank, functions.shape))
         P = sp.csc_array(self.prolongation)
-        of_unknown = np.minimum.reduceat(first[P.indices // 3], P.indptr[:-1])  # no column is empty
+        filled, of_unknown = np.flatnonzero(np.diff(P.indptr)), np.full(self.unknowns, count)
+        of_unknown[filled] = np.minimum.reduceat(first[P.indices // 3], P.indptr[filled])
         return Partition.by(np.argsort(of_unknown, kind="stable"))
 
     @cached_property

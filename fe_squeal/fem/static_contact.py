@@ -12,6 +12,7 @@ import scipy.sparse.linalg as spla
 from ..eigen.blocks import with_short_indices
 from ..eigen.linear.choice import factorize, is_large
 from ..eigen.linear.factor import Factor, LinearSolver
+from ..eigen.linear.spread_matrix import in_rows, sizes_times
 from ..errors import NotConvergedError
 
 _ITERATIONS = 60
@@ -172,14 +173,14 @@ def _solve_linear(
 ) -> np.ndarray:  # fmt: skip
     # The contacts, which have few entries, are summed first: each sum with K goes through all of K.
     own = [c.reaction.T @ sp.diags_array(c.stiffness * t) @ c.gap for c, t in zip(contacts, closed, strict=True)]
-    tangent = sp.csr_array(K + with_short_indices(sp.csr_array(sum(own[1:], own[0])))) if own else K
+    tangent = in_rows(K + with_short_indices(sp.csr_array(sum(own[1:], own[0])))) if own else K
     if symmetric:
-        tangent = sp.csr_array((tangent + tangent.T) / 2)
+        tangent = in_rows((tangent + tangent.T) / 2)
     try:
         u = tangents.solve(tangent, symmetric, load)
     except NotConvergedError as error:
         raise NotHeldError(str(error), partial=tuple(closed)) from error
-    inner = (_absolute(tangent) @ np.abs(u)).max()
+    inner = sizes_times(tangent, np.abs(u)).max()
     if not np.isfinite(u).all() or inner > _FLOATING * np.abs(load).max():
         raise NotHeldError("the stiffness is singular", partial=tuple(closed))
     return u
@@ -200,10 +201,9 @@ def _by_other_factors(
     """Return A⁻¹b by GMRES with factors of a matrix near A, as exact as by its own factors; None if it is not."""
     inverse, before = spla.LinearOperator(A.shape, matvec=factor.solve, dtype=float), np.inf
     u = factor.solve(b) if start is None else start
-    sizes = _absolute(A)
     for _ in range(_CORRECTIONS):
         rest = b - A @ u
-        off = float(np.abs(rest).max() / ((sizes @ np.abs(u) + np.abs(b)).max() or 1.0))
+        off = float(np.abs(rest).max() / ((sizes_times(A, np.abs(u)) + np.abs(b)).max() or 1.0))
         if off <= _EXACT or (off <= _AS_EXACT and off > before / 2):
             return u
         if not off < before:
@@ -212,11 +212,6 @@ def _by_other_factors(
         digits = min(max(_DIGITS, _EXACT / off / 2), 0.1)
         u = u + spla.gmres(A, rest, rtol=digits, atol=0.0, restart=_VECTORS, maxiter=1, M=inverse)[0]
     return None
-
-
-def _absolute(A: sp.csr_array) -> sp.csr_array:
-    """Return |A|, entry by entry; the indices are those of A, not a copy."""
-    return sp.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape)
 
 
 def _closed(contacts: Sequence[SlidingContact], u: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -234,7 +229,7 @@ def _forces(contacts: Sequence[SlidingContact], u: np.ndarray) -> list[np.ndarra
 def _residual(K: sp.csr_array, load: np.ndarray, contacts: Sequence[SlidingContact], u: np.ndarray) -> float:
     forces = _forces(contacts, u)
     balance = K @ u - load + sum(forces, start=np.zeros(len(load)))
-    size = _absolute(K) @ np.abs(u) + np.abs(load) + sum((np.abs(f) for f in forces), start=np.zeros(len(load)))
+    size = sizes_times(K, np.abs(u)) + np.abs(load) + sum((np.abs(f) for f in forces), start=np.zeros(len(load)))
     return float(np.abs(balance).max() / (size.max() or 1.0))
 
 

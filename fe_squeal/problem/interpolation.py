@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.polynomial.polynomial import polyfromroots
 
 from ..eigen.kernel import null_columns
+from ..eigen.linear.spread_matrix import in_rows
 from ..eigen.pencil import FreeMotions
 from .parameters import paths_of
 from .problem import Problem
@@ -51,7 +51,7 @@ def interpolate_beside(problem: Problem, parameter: str, low: float, high: float
             if A is not None:
                 name = f"{like.slot}{power} of the difference"
                 powers = {path: power} if power else {}
-                terms.append(replace(like, name=name, matrix=sp.csr_array(A), skew=skew, powers=powers, only=None))
+                terms.append(replace(like, name=name, matrix=in_rows(A), skew=skew, powers=powers, only=None))
     always = _common(list(table.known.values()))
     return Problem(tuple(terms), dict.fromkeys(paths_of(parameter), low - origin), free=lambda _: always)
 

@@ -9,6 +9,7 @@ from typing import Never
 
 import scipy.sparse as sp
 
+from ..eigen.linear.spread_matrix import SpreadMatrix
 from ..eigen.pencil import FreeMotions
 from .forms import collect_powers
 from .parameters import paths_of
@@ -127,6 +128,8 @@ def _difference(new: tuple[Term, float] | None, old: tuple[Term, float] | None) 
     if len(parts) == 2 and parts[0][0] is parts[1][0]:
         parts = [(parts[0][0], parts[0][1] + parts[1][1])]
     A = sum_matrices((matrix, factor) for matrix, factor in parts if factor)
+    if isinstance(A, SpreadMatrix):
+        return A if A.largest() else sp.csr_array(A.shape)
     if A is not None and len(parts) == 2:
         A.eliminate_zeros()
     return A

@@ -220,5 +220,7 @@ def sum_matrices(parts: Iterable[tuple[sp.csr_array, complex]]) -> sp.csr_array 
 
 
 def is_finite(A: sp.csr_array) -> bool:
-    """Return whether all entries are finite numbers: of a matrix on all processes, semidefinite ones, the diagonal."""
-    return bool(np.isfinite((A.diagonal() if isinstance(A, SpreadMatrix) else A.data).sum()))
+    """Return whether all entries are finite numbers; of semidefinite ones on all processes the diagonal tells."""
+    if not isinstance(A, SpreadMatrix):
+        return bool(np.isfinite(A.data.sum()))
+    return bool(np.isfinite(A.diagonal().sum()) and (A.rest is None or np.isfinite(A.rest.data.sum())))

@@ -8,6 +8,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ..eigen.linear.spread_matrix import sizes_times
+
 _MARGIN = 10.0  # factor of |z|ᵀ|K||z|, since left vectors are longer than z
 DEPENDENT = 1e-4  # eigenvalue of a Gram matrix of unit vectors: directions below are left to the next correction
 
@@ -33,7 +35,7 @@ class SlowMotions:
     @classmethod
     def of(cls, K: sp.csr_array, Z: np.ndarray, coordinates: np.ndarray) -> SlowMotions:
         """Return the slow motions Z (n, k), of unit mass, with their `coordinates` ZᵀMV."""
-        return cls(_MARGIN * np.einsum("ij,ij->j", np.abs(Z), abs(K) @ np.abs(Z)), coordinates)
+        return cls(_MARGIN * np.einsum("ij,ij->j", np.abs(Z), sizes_times(K, np.abs(Z))), coordinates)
 
     def on(self, V: np.ndarray) -> SlowMotions:
         """Return the same for the smaller basis whose columns have the coordinates V (r, s) in this one."""

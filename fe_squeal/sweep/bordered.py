@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ..eigen.linear.choice import factorize, factorize_complex
 from ..eigen.linear.dense import DenseFactor
 from ..eigen.linear.factor import Factor, LinearSolver, Solve
+from ..eigen.linear.spread_matrix import largest
 from ..eigen.pencil import Pencil
 from ..eigen.quality import ROUNDING
 from ..problem.parameters import paths_of
@@ -63,7 +64,7 @@ class Bordered:
         if damped:
             A, A_v = (pencil.K + v**2 * M, 2 * v * M) if C is None else (pencil.K + v**2 * M + v * C, 2 * v * M + C)
         # Borders along M y and M x are far from the range of A and its transpose; their size is that of A.
-        size = abs(A).max()
+        size = largest(A)
         b, c = (M @ y), (M @ x)
         b, c = b / np.linalg.norm(b) * size, c / np.linalg.norm(c) * size
         MZ = np.zeros((n, 0)) if rigid is None else M @ rigid

@@ -22,6 +22,7 @@ from ..errors import NotConvergedError, SquealError
 from ..problem.aside import movable_bytes
 from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
+from ..process.ranks import process_count
 
 VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
 
@@ -142,6 +143,8 @@ class MemoryCount:
         Whether the reduced model begins with rough factors, and goes on with them where friction and damping are weak.
     terms_here : int, bytes
         Of "program and model", the matrices of the terms whose rows several processes would share.
+    terms_spread : int, bytes
+        The same of matrices whose rows are on several processes, on all of these.
     """
 
     unknowns: int
@@ -154,6 +157,7 @@ class MemoryCount:
     lifted: int = 0
     large: bool = False
     terms_here: int = 0
+    terms_spread: int = 0
 
     def at(self, modes: int, processes: int | None = None) -> MemoryPrediction:
         """Return the prediction for a number of modes: on this machine, or of the first of some processes alone.
@@ -166,6 +170,8 @@ class MemoryCount:
             parts["matrices"] = int(here * parts["matrices"])
             if processes is not None:
                 parts["program and model"] -= int((1 - here) * self.terms_here)
+        if processes is None and self.terms_spread:  # which this process has a part of: those of others on this machine
+            parts["matrices"] += int((here - 1 / process_count()) * self.terms_spread)
         if n > DENSE_LIMIT and self.reduced:
             guarded, basis = self._vectors(modes)
             number = 16 if kind == "complex" else 8
@@ -194,14 +200,14 @@ class MemoryCount:
 
     @property
     def shares_rows(self) -> bool:
-        """Whether the sums of the matrices keep their rows where they are: those of complex stiffness do not."""
-        return self.problem_class != "complex"
+        """Whether what is made of the matrices keeps its rows where they are: what is complex on the way does not."""
+        return self.problem_class in ("symmetric", "nonsymmetric")
 
     def rows(self, processes: int) -> int:
         """Return the bytes of the matrices that each of several processes has the rows of."""
         if self.unknowns <= DENSE_LIMIT or not are_spread(self.unknowns, processes):
             return 0
-        return int((self.terms_here + self.shares_rows * self.fixed["matrices"]) / processes)
+        return int((self.terms_here + self.terms_spread + self.shares_rows * self.fixed["matrices"]) / processes)
 
     def share(self, modes: int, processes: int) -> int:
         """Return the bytes of the vectors that each of several processes has a part of."""
@@ -264,7 +270,7 @@ def count_memory(
     fixed = _loaded_parts() | static | {
         "matrices": int(matrices), "factors": factors, "errors": int(_SIZES * real), "freed, but kept": _KEPT,
     }  # fmt: skip
-    return MemoryCount(n, values, terms, kind, False, factors, fixed, terms_here=_bytes_of(problem))
+    return MemoryCount(n, values, terms, kind, False, factors, fixed, 0, False, *_bytes_of(problem))
 
 
 def _static_factors(
@@ -301,14 +307,22 @@ def _reduced(problem: Problem, parameter: str, values: int, linear_solver: Linea
     handed += moved + (0 if problem.is_affine(parameter) else _VERSIONS * real)
     fixed = _loaded_parts() | static | {"matrices": int(sums + handed), "factors": factors, "freed, but kept": _KEPT}
     fixed["program and model"] -= aside
+    own, spread = _bytes_of(problem)
     n, terms = problem.unknowns, len(problem.terms) + more
-    return MemoryCount(n, values, terms, kind, True, factors, fixed, int(2 * sums + real), large, _bytes_of(problem))
+    lifted, own = int(2 * sums + real), max(0, own - aside)
+    return MemoryCount(n, values, terms, kind, True, factors, fixed, lifted, large, own, spread)
 
 
-def _bytes_of(problem: Problem) -> int:
-    """Return the bytes of the terms of bodies that this process has alone, as far as they are not in files."""
-    own = {id(t.matrix): t.matrix for t in problem.terms if t.symmetric and not isinstance(t.matrix, SpreadMatrix)}
-    return sum(12 * A.nnz for A in own.values() if A.data.flags.writeable)
+def _bytes_of(problem: Problem) -> tuple[int, int]:
+    """Return the bytes of the bodies' mass and stiffness: of those of this process alone, and of those on all."""
+    bodies = {id(t.matrix): t.matrix for t in problem.terms if t.name.startswith(("mass.", "elastic."))}
+    own, spread = 0, 0
+    for A in bodies.values():
+        if isinstance(A, SpreadMatrix):
+            spread += sum(12 * part.told.entries for _, part in A.parts)
+        elif A.data.flags.writeable:  # others are in files
+            own += 12 * A.nnz
+    return own, spread
 
 
 def _moved(problem: Problem, parameter: str, values: int) -> tuple[int, int]:

@@ -5,6 +5,7 @@ Without mpiexec one process has all rows, and does every step with them; `make t
 
 from __future__ import annotations
 
+import copy
 import gc
 import pickle
 import threading
@@ -12,7 +13,7 @@ import threading
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hard_problems import LINING, brake
+from hard_problems import LINING, SMALL, brake
 from mixed_cases import lining
 from numpy.testing import assert_allclose
 from selection import some
@@ -22,9 +23,10 @@ from fe_squeal.eigen.linear import column_parts, matrix_parts
 from fe_squeal.eigen.linear.choice import choose
 from fe_squeal.eigen.linear.half import inverse_root
 from fe_squeal.eigen.linear.mumps import has_mumps
-from fe_squeal.eigen.linear.spread_matrix import Part, Partition, SpreadMatrix, sizes_times
+from fe_squeal.eigen.linear.spread_matrix import Part, Partition, SpreadMatrix, largest, sizes_times
 from fe_squeal.eigen.pencil import _scale_of_entries, _times
 from fe_squeal.fem import row_assembly
+from fe_squeal.problem.terms import is_finite
 from meshes import STEEL
 
 N = 103
@@ -103,8 +105,10 @@ def test_some_rows():
     A, S = pair()
     before = SpreadMatrix.whole_count
     wanted = np.array([N - 1, 0, 50, 51, 3])
-    for rows in (wanted, np.zeros(0, int), np.arange(N), np.arange(N) % 3 == 0, slice(2, 60, 7)):
+    for rows in (wanted, np.zeros(0, int), np.arange(N), np.arange(N) % 3 == 0, slice(2, 60, 7), np.array([-1, 2, -N])):
         assert_allclose(S[rows].toarray(), A[rows].toarray(), atol=1e-14)
+    with pytest.raises(IndexError):
+        S[np.array([N])]
     assert SpreadMatrix.whole_count == before
     assert_allclose(S[wanted][:, wanted].toarray(), A[wanted][:, wanted].toarray(), atol=1e-14)
     assert S[3, 3] == pytest.approx(A[3, 3])
@@ -121,7 +125,8 @@ def test_everything_else_is_that_of_the_whole_matrix():
         (S @ X, A @ X), (X.T @ S, X.T @ A), (D @ S @ D, D @ A @ D), (S + 1j * D, A + 1j * D),
         (S.multiply(S.T), A.multiply(A.T)),
         (sp.block_array([[S, None], [None, S]]), sp.block_array([[A, None], [None, A]])), (sp.triu(S), sp.triu(A)),
-        (pickle.loads(pickle.dumps(S)), A), (sp.vstack([S, S]), sp.vstack([A, A])),
+        (pickle.loads(pickle.dumps(S)), A), (sp.vstack([S, S]), sp.vstack([A, A])), (S / 2j, A / 2j),
+        (S - 1j * S, A - 1j * A),
     ):  # fmt: skip
         assert not isinstance(found, SpreadMatrix)
         assert_allclose(found.toarray(), right.toarray(), atol=1e-13)
@@ -129,6 +134,44 @@ def test_everything_else_is_that_of_the_whole_matrix():
     assert_allclose(S.sum(axis=1), A.sum(axis=1), atol=1e-13)
     assert S.max() == pytest.approx(A.max()) and S.sum() == pytest.approx(A.sum())
     assert sp.issparse(S) and S.shape == A.shape and S.dtype == A.dtype and S.format == "csr"
+
+
+def test_nothing_that_is_written_is_lost():
+    """What cannot be kept raises: there is no array that it could be written to."""
+    A, S = pair()
+    for array in (S.data, S.indices, S.indptr):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(TypeError, match="cannot be changed"):
+        S[3, 3] = 1.0
+    assert_allclose(S.toarray(), A.toarray(), atol=1e-14)
+    copied = copy.deepcopy(S)
+    assert_allclose(copied @ np.ones(N), S @ np.ones(N), atol=1e-13)
+    del copied
+    gc.collect()
+    pair(3)
+    assert_allclose(S @ np.ones(N), A @ np.ones(N), atol=1e-13)
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_the_largest_entry(friction):
+    """Where friction adds to what is on all processes, and elsewhere; and of a difference that is nothing."""
+    A, S = pair(friction=friction)
+    before = SpreadMatrix.whole_count
+    assert largest(S) == pytest.approx(abs(A).max(), rel=1e-14) and largest(A) == abs(A).max()
+    assert largest(S - S) == 0
+    if friction:
+        R = sp.csr_array(([1e9], ([2], [5])), shape=(N, N))
+        assert largest(S + R) == pytest.approx(1e9 + A[2, 5])
+    assert SpreadMatrix.whole_count == before
+
+
+def test_a_number_that_is_not_finite_is_seen():
+    """On the diagonal of what is on all processes, and anywhere in what is here."""
+    _, S = pair()
+    with np.errstate(invalid="ignore"):
+        assert is_finite(S) and not is_finite(S * np.inf)
+    assert not is_finite(S + sp.csr_array(([np.inf], ([2], [5])), shape=(N, N)))
 
 
 @pytest.mark.parametrize("friction", [False, True])
@@ -211,6 +254,32 @@ def test_other_threads_assemble_alone(spread):
     thread.start()
     thread.join()
     assert not any(isinstance(t.matrix, SpreadMatrix) for t in found[0].terms)
+
+
+@pytest.mark.parametrize("swept", ["materials.lining.poisson_ratio", "materials.lining.youngs_modulus"])
+def test_a_sweep_that_makes_matrices_anew(swept, spread, request):
+    """The stiffness of one body at each value of a table; a modulus that multiplies."""
+    values = {"materials.lining.poisson_ratio": [0.2, 0.3], "materials.lining.youngs_modulus": [4e9, 6e9]}[swept]
+    solver, effects = "mumps" if has_mumps() else "auto", {"rayleigh": {"alpha": 1.0, "beta": 0.0}}
+    how = {"parameter": swept, "modes": 6, "method": "reduced", "linear_solver": solver}
+    found = sweep(brake(SMALL, effects=dict(effects)), values, **how)
+    request.getfixturevalue("monkeypatch").undo()
+    expected = sweep(brake(SMALL, effects=dict(effects)), values, **how)
+    for a, b in zip(found.points, expected.points, strict=True):
+        assert_allclose(a.modes.lam, b.modes.lam, rtol=0, atol=1e-8 * np.abs(b.modes.lam).max())
+
+
+def test_descriptions_of_modes_of_mixed_bodies(spread, request):
+    """Shares of energy and motion along the normal, with bubbles in the mixed body."""
+    how = {"modes": 6, "method": "reduced", "linear_solver": "mumps" if has_mumps() else "auto"}
+    for more in ({}, MIXED):
+        found = sweep(brake(kind="tet2", **more), [0.0, 0.4], **how).points[-1]
+        request.getfixturevalue("monkeypatch").undo()
+        expected = sweep(brake(kind="tet2", **more), [0.0, 0.4], **how).points[-1]
+        assert found.description.keys() == expected.description.keys() and "out_of_plane" in found.description
+        for name in ("out_of_plane",):
+            assert_allclose(found.description[name], expected.description[name], atol=1e-6)
+        request.getfixturevalue("monkeypatch").setattr(row_assembly, "are_spread", lambda n, processes: True)
 
 
 @pytest.mark.parametrize("method", ["reduced", "direct"])

@@ -90,7 +90,8 @@ def own_unknowns(handle: int) -> np.ndarray:
 
 def partition(comm: Any, what: dict[str, Any], position: np.ndarray | None) -> None:
     """Agree on who has which rows: position (n,) of each unknown in the order of the processes."""
-    known: np.ndarray = _sent_to_all(comm, position)
+    known = position if comm is None else comm.bcast(position, root=0)
+    assert known is not None
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
     low, high = ends(len(known), size)[rank : rank + 2]
     _partitions[what["handle"]] = _Partition(np.flatnonzero((known >= low) & (known < high)), known)
@@ -124,11 +125,7 @@ def put_rows(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> list[To
     if comm is None:
         assert A is not None
         return keep_rows(comm, [what["handle"]], [sp.csr_array(A[at.own])])
-    parts = None
-    if A is not None:
-        bounds, order = ends(len(at.position), comm.size), np.argsort(at.position)
-        parts = [sp.csr_array(A[np.sort(order[bounds[p] : bounds[p + 1]])]) for p in range(comm.size)]
-    return keep_rows(comm, [what["handle"]], [comm.scatter(parts, root=0)])
+    return keep_rows(comm, [what["handle"]], [_own_rows(comm, at, A)])
 
 
 def product(comm: Any, what: dict[str, Any], data: Any) -> np.ndarray | None:
@@ -185,12 +182,18 @@ def some_rows(comm: Any, what: dict[str, Any], data: None) -> sp.csr_array | Non
     place = np.searchsorted(at.own, wanted)
     here = np.flatnonzero(np.isin(wanted, at.own))
     found = sp.csr_array(summed(what["parts"], len(at.own), len(at.position))[place[here]])
-    own = here, found
-    every = [own] if comm is None else comm.gather(own, root=0)
-    if every is None:
+    if comm is None:
+        return found
+    if comm.rank:
+        comm.send(here, dest=0, tag=_TAG)
+        _send(comm, found, 0)
         return None
-    order = np.argsort(np.concatenate([rows for rows, _ in every]))
-    return sp.csr_array(sp.csr_array(sp.vstack([rows for _, rows in every], format="csr"))[order])
+    places, rows = [here], [found]
+    for other in range(1, comm.size):
+        places.append(comm.recv(source=other, tag=_TAG))
+        rows.append(_received_rows(comm, other, len(at.position)))
+    order = np.argsort(np.concatenate(places))
+    return sp.csr_array(sp.csr_array(sp.vstack(rows, format="csr"))[order])
 
 
 def summed(parts: Sequence[tuple[float, int]], m: int, n: int) -> sp.csr_array:
@@ -205,16 +208,27 @@ def summed(parts: Sequence[tuple[float, int]], m: int, n: int) -> sp.csr_array:
 
 def scale(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> list[Told] | None:
     """Keep max(|A_ij|, √(|A_ii A_jj|)) for the entries of A = Σ c A + R; those of R that are zero count."""
-    at, roots = _partitions[what["partition"]], what["roots"]
-    R = _sent_to_all(comm, rest)
-    total = summed(what["parts"], len(at.own), len(at.position))
-    if R is not None:  # sums of SciPy's matrices would leave the zeros out
-        parts = [sp.coo_array(total), sp.coo_array(sp.csr_array(R[at.own]))]
-        data, (i, j) = (np.concatenate([A.data for A in parts]), np.hstack([A.coords for A in parts]))
-        total = sp.csr_array((data, (i, j)), shape=total.shape)
+    total, at, roots = _with_rest(comm, what, rest), _partitions[what["partition"]], what["roots"]
     products = np.repeat(roots[at.own], np.diff(total.indptr)) * roots[total.indices]
     sizes = sp.csr_array((np.maximum(np.abs(total.data), products), total.indices, total.indptr), shape=total.shape)
     return keep_rows(comm, [what["handle"]], [sizes])
+
+
+def largest(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> float:
+    """Return the largest |entry| of Σ c A + R on process 0."""
+    own = float(np.abs(_with_rest(comm, what, rest).data).max(initial=0.0))
+    return own if comm is None else max(comm.gather(own, root=0) or [own])
+
+
+def _with_rest(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> sp.csr_array:
+    """Return this process's rows (m, n) of Σ c A + R, with those entries of R that are zero."""
+    at = _partitions[what["partition"]]
+    total = summed(what["parts"], len(at.own), len(at.position))
+    if (R := _own_rows(comm, at, rest, what["has_rest"])) is not None:
+        parts = [sp.coo_array(total), sp.coo_array(R)]  # sums of SciPy's matrices would leave the zeros out
+        data, (i, j) = (np.concatenate([A.data for A in parts]), np.hstack([A.coords for A in parts]))
+        total = sp.csr_array((data, (i, j)), shape=total.shape)
+    return total
 
 
 def rows_to_factorise(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> sp.csr_array:
@@ -224,10 +238,9 @@ def rows_to_factorise(comm: Any, what: dict[str, Any], rest: sp.csr_array | None
     """
     at = _partitions[what["partition"]]
     n = len(at.position)
-    R = _sent_to_all(comm, rest)
     total = summed(what["parts"], len(at.own), n)
-    if R is not None:
-        total = sp.csr_array(total + R[at.own])
+    if (R := _own_rows(comm, at, rest, what["has_rest"])) is not None:
+        total = sp.csr_array(total + R)
     total.sum_duplicates()
     found = sp.csr_array((total.data, at.position[total.indices], total.indptr), shape=total.shape)
     found.has_sorted_indices = False
@@ -235,9 +248,35 @@ def rows_to_factorise(comm: Any, what: dict[str, Any], rest: sp.csr_array | None
     return found
 
 
-def _sent_to_all(comm: Any, what: Any) -> Any:
-    """Return on every process what process 0 has."""
-    return what if comm is None else comm.bcast(what, root=0)
+def _own_rows(
+    comm: Any, at: _Partition, A: sp.csr_array | None, is_there: bool = True
+) -> sp.csr_array | None:  # fmt: skip
+    """Return this process's rows (m, n) of a matrix (n, n) that process 0 has, if it has one."""
+    if not is_there:
+        return None
+    if comm is None or comm.rank == 0:
+        assert A is not None
+        for other in range(1, 1 if comm is None else comm.size):
+            bounds = ends(len(at.position), comm.size)[other : other + 2]
+            _send(comm, sp.csr_array(A[np.flatnonzero((at.position >= bounds[0]) & (at.position < bounds[1]))]), other)
+        return sp.csr_array(A[at.own])
+    return _received_rows(comm, 0, len(at.position))
+
+
+def _send(comm: Any, A: sp.csr_array, to: int) -> None:
+    """Send a matrix by its arrays: a message that is pickled holds no more than two gigabytes."""
+    comm.send((len(A.indptr), len(A.data)), dest=to, tag=_TAG)
+    for array, kind in ((A.indptr, np.int64), (A.indices, np.int32), (A.data, float)):
+        comm.Send(np.ascontiguousarray(array, kind), dest=to, tag=_TAG)
+
+
+def _received_rows(comm: Any, source: int, n: int) -> sp.csr_array:
+    """Return the rows (m, n) that a process sends by `_send`."""
+    count, entries = comm.recv(source=source, tag=_TAG)
+    indptr, indices, data = np.empty(count, np.int64), np.empty(entries, np.int32), np.empty(entries)
+    for array in (indptr, indices, data):
+        comm.Recv(array, source=source, tag=_TAG)
+    return sp.csr_array((data, indices, indptr), shape=(count - 1, n))
 
 
 def _gathered(comm: Any, n: int, own: np.ndarray, position: np.ndarray) -> np.ndarray | None:

@@ -20,7 +20,7 @@ from .petsc import MumpsOptions, Told, petsc
 from .processes import give_up, local_count, new_handle, together
 from .refinement import contraction, refined
 from .scratch import scratch_folder
-from .spread_matrix import SpreadMatrix
+from .spread_matrix import SpreadMatrix, in_rows
 
 _NO_ROOM = {-8, -9, -11, -13, -14, -17, -18, -19, -20, -22}  # MUMPS' errors of workspace that is too small
 _SINGULAR = {-6, -10}
@@ -138,7 +138,7 @@ class MumpsFactor:
         if self._symmetric and not self._complex:
             return self.solve(b)
         solve = partial(self._apply, transposed=True)
-        return refined(sp.csr_array(self._matrix.conj().T), solve, b, self._rho) if self._rho else solve(b)
+        return refined(in_rows(self._matrix.conj().T), solve, b, self._rho) if self._rho else solve(b)
 
     def _apply(self, b: np.ndarray, transposed: bool) -> np.ndarray:
         if not self._complex:

@@ -118,7 +118,7 @@ _STEPS: dict[str, Callable[..., Any]] = {
     "rows of columns": column_parts.rows,
     "partition": matrix_parts.partition, "put rows": matrix_parts.put_rows, "product of rows": matrix_parts.product,
     "call": _call, "diagonal of rows": matrix_parts.diagonal, "some rows": matrix_parts.some_rows,
-    "scale of rows": matrix_parts.scale,
+    "scale of rows": matrix_parts.scale, "largest of rows": matrix_parts.largest,
 }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -48,6 +48,9 @@ class Partition:
     def order(self) -> np.ndarray:
         """The unknowns (n,) in the order of the processes."""
         return np.argsort(self.position)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"position": self.position}  # a copy is another partition, with a number of its own
 
     def __del__(self) -> None:
         if "handle" in self.__dict__:
@@ -97,7 +100,12 @@ class SpreadMatrix(sp.csr_array):
     __array_priority__ = 20.0
     whole_count = 0  # how often a whole matrix was brought here
 
-    def __init__(self, parts: Iterable[tuple[float, Part]], rest: sp.csr_array | None = None) -> None:
+    def __init__(self, parts: Any, rest: sp.csr_array | None = None, **given: Any) -> None:
+        if not (isinstance(parts, list | tuple) and parts and isinstance(parts[0][1], Part)):
+            # SciPy makes another matrix of the class of this one: that is one of its own.
+            self.__class__ = sp.csr_array
+            sp.csr_array.__init__(self, parts, *([] if rest is None else [rest]), **given)
+            return
         self.parts, self.rest = tuple(parts), rest
         self.partition = self.parts[0][1].partition
         n = len(self.partition.position)
@@ -110,8 +118,10 @@ class SpreadMatrix(sp.csr_array):
 
     @property
     def nnz(self) -> int:
-        """Entries that are stored, those of several summands as often; masses take those of the stiffness."""
-        every = {part.told.pattern: part.told.entries for _, part in self.parts}
+        """Entries that are stored, of summands with theirs at the same places once."""
+        every: dict[int, int] = {}
+        for _, part in self.parts:
+            every[part.told.pattern] = max(part.told.entries, every.get(part.told.pattern, 0))
         return sum(every.values()) + (0 if self.rest is None else int(self.rest.nnz))
 
     def tocsr(self, copy: bool = False) -> sp.csr_array:
@@ -130,8 +140,9 @@ class SpreadMatrix(sp.csr_array):
         return sp.csr_array(found + (self.rest if wanted is None else self.rest[wanted]))
 
     def where(self) -> dict[str, Any]:
-        """Return how the processes know the parts: the numbers of the partition and of each A, with its factor c."""
-        return {"partition": self.partition.handle, "parts": [(c, part.handle) for c, part in self.parts]}
+        """Return how the processes know it: the numbers of partition and A, with each c, and whether there is an R."""
+        parts = [(c, part.handle) for c, part in self.parts]
+        return {"partition": self.partition.handle, "parts": parts, "has_rest": self.rest is not None}
 
     def diagonal(self, k: int = 0) -> np.ndarray:
         """Return the diagonal (n,)."""
@@ -167,16 +178,19 @@ class SpreadMatrix(sp.csr_array):
 
     def scale_of_entries(self) -> SpreadMatrix:
         """Return max(|A_ij|, √(|A_ii A_jj|)) for all i, j with an entry at (i, j) or (j, i), for products alone."""
-        rest = None
-        if self.rest is not None:  # and zeros at (j, i)
-            R = sp.coo_array(self.rest)
-            places = np.hstack([R.coords, R.coords[::-1]])
-            rest = sp.csr_array((np.append(R.data, np.zeros_like(R.data)), tuple(places)), shape=self.shape)
-        handle = new_handle()
+        rest, handle = self._extended_rest(), new_handle()
         told = together(
             "scale of rows", rest, handle=handle, roots=np.sqrt(np.abs(self.diagonal())), **self.where()
         )
         return SpreadMatrix([(1.0, Part(self.partition, handle, told[0]))])
+
+    def _extended_rest(self) -> sp.csr_array | None:
+        """Return R with a zero at (j, i) for each entry at (i, j)."""
+        if self.rest is None:
+            return None
+        R = sp.coo_array(self.rest)
+        places = np.hstack([R.coords, R.coords[::-1]])
+        return sp.csr_array((np.append(R.data, np.zeros_like(R.data)), tuple(places)), shape=self.shape)
 
     def __rmatmul__(self, other: Any) -> Any:
         if sp.issparse(other):
@@ -221,7 +235,9 @@ class SpreadMatrix(sp.csr_array):
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        return self * (1 / float(other)) if np.isscalar(other) else self.tocsr() / other  # type: ignore[arg-type]
+        if not np.isscalar(other) or np.iscomplexobj(other):
+            return self.tocsr() / other
+        return self * (1 / float(other))  # type: ignore[arg-type]
 
     def __neg__(self) -> Any:
         return self * -1.0
@@ -252,28 +268,50 @@ class SpreadMatrix(sp.csr_array):
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice):
             key = np.arange(*key.indices(self.shape[0]))
-        if isinstance(key, np.ndarray) and key.ndim == 1:
-            return self._rows(np.flatnonzero(key) if key.dtype == bool else key)
+        if isinstance(key, np.ndarray) and key.ndim == 1 and key.dtype.kind in "bi":
+            return self._rows(np.arange(self.shape[0])[key])
         return self.tocsr()[key]
 
     def __reduce__(self) -> Any:
         A = self.tocsr()
         return sp.csr_array, ((A.data, A.indices, A.indptr), self.shape)
 
+    def largest(self) -> float:
+        """Return the largest |entry|."""
+        rest = self._extended_rest()
+        return float(together("largest of rows", rest, **self.where()))
+
+    def eliminate_zeros(self) -> None:
+        """Do nothing: what is stored is what the assembly gave."""
+
     @property
     def data(self) -> np.ndarray:
-        """The stored entries of the whole matrix."""
-        return np.asarray(self.tocsr().data)
+        """The stored entries of the whole matrix, to be read only."""
+        return _kept_as_it_is(self.tocsr().data)
 
     @property
     def indices(self) -> np.ndarray:
-        """Their columns."""
-        return np.asarray(self.tocsr().indices)
+        """Their columns, to be read only."""
+        return _kept_as_it_is(self.tocsr().indices)
 
     @property
     def indptr(self) -> np.ndarray:
-        """Where the rows begin among them."""
-        return np.asarray(self.tocsr().indptr)
+        """Where the rows begin among them, to be read only."""
+        return _kept_as_it_is(self.tocsr().indptr)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        raise TypeError("a matrix on all processes cannot be changed; expected one of this process: A.tocsr()")
+
+
+def _kept_as_it_is(array: np.ndarray) -> np.ndarray:
+    """Return an array that raises where it is written to, since what was written would be lost."""
+    array.flags.writeable = False
+    return array
+
+
+def largest(A: sp.csr_array) -> float:
+    """Return the largest |entry| of a sparse matrix, 0 without any."""
+    return A.largest() if isinstance(A, SpreadMatrix) else float(abs(A).max())
 
 
 def in_rows(A: Any) -> sp.csr_array:
@@ -283,7 +321,10 @@ def in_rows(A: Any) -> sp.csr_array:
 
 def sizes_times(A: sp.csr_array, x: np.ndarray) -> np.ndarray:
     """Return |A| x for a sparse A (n, n) and x (n,) or (n, k) ≥ 0; of one on all processes an upper bound."""
-    return A.sizes_times(x) if isinstance(A, SpreadMatrix) else np.asarray(abs(A) @ x)
+    if isinstance(A, SpreadMatrix):
+        return A.sizes_times(x)
+    A = sp.csr_array(A)
+    return np.asarray(sp.csr_array((np.abs(A.data), A.indices, A.indptr), shape=A.shape) @ x)
 
 
 def _of_the_whole(name: str) -> Callable[..., Any]:
@@ -298,7 +339,7 @@ for _name in (
     "__abs__", "__pow__", "__eq__", "__ne__", "__lt__", "__gt__", "__le__", "__ge__", "multiply", "maximum", "minimum",
     "power", "sum", "mean", "max", "min", "argmax", "argmin", "astype", "tocsc", "tocoo", "tobsr", "tolil", "todok",
     "todia", "toarray", "todense", "count_nonzero", "nonzero", "dot", "sqrt", "sign", "_getnnz", "trace", "getnnz",
-    "_with_data", "_sub_sparse",
+    "_with_data", "_sub_sparse", "_add_sparse",
 ):  # fmt: skip
     setattr(SpreadMatrix, _name, _of_the_whole(_name))
 SpreadMatrix.__hash__ = object.__hash__  # type: ignore[method-assign]
