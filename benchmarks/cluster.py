@@ -33,7 +33,7 @@ EXAMPLE, PAGE = ROOT / "examples/disc_pad.toml", ROOT / "docs/cluster.md"
 BEGIN, END = "<!-- forecast: python benchmarks/cluster.py --write -->\n", "<!-- end of forecast -->\n"
 MPIEXEC = ["mpiexec", "-q", "--oversubscribe", "--allow-run-as-root", "--mca", "mpi_yield_when_idle", "1", "-n"]
 SIZES, COUNTS = (0.014, 0.006, 0.0045, 0.0034), (1, 2, 4)  # m
-SWEPT, MODES, VALUES = 0.0055, 50, 21  # m
+SWEPT, MODES, VALUES = (0.0055, 0.0045), 50, 21  # m
 LARGE = (1_000_000, 3_000_000, 10_000_000)  # unknowns
 NODES = (64, 256, 1024)  # GiB
 # What is held at the peak of a reduced sweep besides factors, counted from the program and not measured. By their rows
@@ -201,7 +201,7 @@ def main() -> None:
         return
     if options.rows is None:
         every = [row for size in SIZES for row in measured(size)]
-        every += [started(count, "--mesh", str(SWEPT)) for count in COUNTS]
+        every += [started(count, "--mesh", str(size)) for size in SWEPT for count in COUNTS]
     else:
         every = [json.loads(line) for line in options.rows.read_text("utf-8").splitlines()]
     rows, runs = [r for r in every if "peaks" not in r], [r for r in every if "peaks" in r]
