@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 import skfem
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 from skfem.assembly import Dofs
 from skfem.refdom import RefTet
 
@@ -23,6 +22,7 @@ from .bubbles import Bubbles, make_bubbles
 from .cells import geometry_map, shape_functions
 from .cubic import CubicDofs, ElementHex3
 from .facets import facet_points, subdivided_quadrature
+from .row_order import unknowns_along_bodies
 from .surfaces import Patch, Surface
 from .ties import Tie
 
@@ -180,25 +180,11 @@ class DisplacementSpace:
 
     @cached_property
     def partition(self) -> Partition:
-        """Which process has the rows of which unknowns: a stretch of the bodies each, of elements that are neighbours.
-
-        The elements are in reverse Cuthill-McKee order, in which neighbours are near to each other; each unknown comes
-        with the first of its elements.
-        """
-        mesh, count = self.mesh, self.mesh.nelements
-        one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
-        graph = sp.csr_array((np.ones(len(one)), (one, other)), shape=(count, count))
-        rank = np.empty(count, int)
-        rank[reverse_cuthill_mckee(sp.csr_array(graph + graph.T), symmetric_mode=True)] = np.arange(count)
-        first = np.full(self.functions, count)
-        np.minimum.at(first, self.dofs.element_dofs, np.broadcast_to(rank, self.dofs.element_dofs.shape))
-        if self.bubbles is not None:
-            functions = self.nodes + self.bubbles.functions_of(mesh, np.arange(count))
-            np.minimum.at(first, functions, np.broadcast_to(rank, functions.shape))
-        P = sp.csc_array(self.prolongation)
-        filled, of_unknown = np.flatnonzero(np.diff(P.indptr)), np.full(self.unknowns, count)
-        of_unknown[filled] = np.minimum.reduceat(first[P.indices // 3], P.indptr[filled])
-        return Partition.by(np.argsort(of_unknown, kind="stable"))
+        """Which process has the rows of which unknowns: those of elements that are neighbours."""
+        functions, bubbles = [np.asarray(self.dofs.element_dofs)], self.bubbles
+        if bubbles is not None:
+            functions.append(self.nodes + bubbles.functions_of(self.mesh, np.arange(self.mesh.nelements)))
+        return Partition.by(unknowns_along_bodies(self.mesh, functions, self.prolongation))
 
     @cached_property
     def coordinates(self) -> np.ndarray:

@@ -121,11 +121,9 @@ def keep_rows(comm: Any, handles: Sequence[int], found: Sequence[sp.csr_array]) 
 
 def put_rows(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> list[Told] | None:
     """Spread the rows of a matrix (n, n) that process 0 has; returns what `keep_rows` does."""
-    at = _partitions[what["partition"]]
-    if comm is None:
-        assert A is not None
-        return keep_rows(comm, [what["handle"]], [sp.csr_array(A[at.own])])
-    return keep_rows(comm, [what["handle"]], [_own_rows(comm, at, A)])
+    own = _own_rows(comm, _partitions[what["partition"]], A)
+    assert own is not None
+    return keep_rows(comm, [what["handle"]], [own])
 
 
 def product(comm: Any, what: dict[str, Any], data: Any) -> np.ndarray | None:
@@ -186,12 +184,12 @@ def some_rows(comm: Any, what: dict[str, Any], data: None) -> sp.csr_array | Non
         return found
     if comm.rank:
         comm.send(here, dest=0, tag=_TAG)
-        _send(comm, found, 0)
+        send_rows(comm, found, 0)
         return None
     places, rows = [here], [found]
     for other in range(1, comm.size):
         places.append(comm.recv(source=other, tag=_TAG))
-        rows.append(_received_rows(comm, other, len(at.position)))
+        rows.append(received_rows(comm, other, len(at.position)))
     order = np.argsort(np.concatenate(places))
     return sp.csr_array(sp.csr_array(sp.vstack(rows, format="csr"))[order])
 
@@ -258,21 +256,21 @@ def _own_rows(
     if comm is None or comm.rank == 0:
         assert A is not None
         for other in range(1, 1 if comm is None else comm.size):
-            bounds = ends(len(at.position), comm.size)[other : other + 2]
-            _send(comm, sp.csr_array(A[np.flatnonzero((at.position >= bounds[0]) & (at.position < bounds[1]))]), other)
+            low, high = ends(len(at.position), comm.size)[other : other + 2]
+            send_rows(comm, sp.csr_array(A[(at.position >= low) & (at.position < high)]), other)
         return sp.csr_array(A[at.own])
-    return _received_rows(comm, 0, len(at.position))
+    return received_rows(comm, 0, len(at.position))
 
 
-def _send(comm: Any, A: sp.csr_array, to: int) -> None:
+def send_rows(comm: Any, A: sp.csr_array, to: int) -> None:
     """Send a matrix by its arrays: a message that is pickled holds no more than two gigabytes."""
     comm.send((len(A.indptr), len(A.data)), dest=to, tag=_TAG)
     for array, kind in ((A.indptr, np.int64), (A.indices, np.int32), (A.data, float)):
         comm.Send(np.ascontiguousarray(array, kind), dest=to, tag=_TAG)
 
 
-def _received_rows(comm: Any, source: int, n: int) -> sp.csr_array:
-    """Return the rows (m, n) that a process sends by `_send`."""
+def received_rows(comm: Any, source: int, n: int) -> sp.csr_array:
+    """Return the rows (m, n) that a process sends by `send_rows`."""
     count, entries = comm.recv(source=source, tag=_TAG)
     indptr, indices, data = np.empty(count, np.int64), np.empty(entries, np.int32), np.empty(entries)
     for array in (indptr, indices, data):

@@ -88,20 +88,13 @@ def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> tuple[np.nd
 
 
 def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:
-    if comm.rank == 0:
-        assert A is not None
-        at = ends(n, comm.size)
-        for other in range(1, comm.size):
-            part = sp.csr_array(A[at[other] : at[other + 1]])
-            comm.send((part.indptr, len(part.data)), dest=other, tag=_COMMAND)
-            comm.Send(part.indices.astype(part.indptr.dtype), dest=other, tag=_COMMAND)
-            comm.Send(part.data, dest=other, tag=_COMMAND)
-        return sp.csr_array(A[: at[1]])
-    indptr, count = comm.recv(source=0, tag=_COMMAND)
-    indices, data = np.empty(count, indptr.dtype), np.empty(count)
-    comm.Recv(indices, source=0, tag=_COMMAND)
-    comm.Recv(data, source=0, tag=_COMMAND)
-    return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, n))
+    if comm.rank:
+        return matrix_parts.received_rows(comm, 0, n)
+    assert A is not None
+    at = ends(n, comm.size)
+    for other in range(1, comm.size):
+        matrix_parts.send_rows(comm, sp.csr_array(A[at[other] : at[other + 1]]), other)
+    return sp.csr_array(A[: at[1]])
 
 
 def _call(comm: Any, what: dict[str, Any], data: Any) -> Any:
