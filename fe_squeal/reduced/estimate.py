@@ -51,7 +51,7 @@ def estimated(
     # make an estimate smaller than a slight error.
     error = np.minimum(error, np.maximum(scale * error, SLIGHT * request.tolerance * np.abs(modes.lam)))
     # The tolerance is meant for well-conditioned modes: next to a double eigenvalue no solver finds λ so closely.
-    relative = error / np.maximum(np.abs(modes.lam), 1e-3 * highest)
+    relative = error / error_scale(modes, highest)
     known = relative / np.maximum(condition / ILL, 1.0) + np.finfo(float).eps
     # What decays without swinging need not be found: its errors are told, and the basis does not grow for it.
     off = np.where(is_needed(modes), known / (_SAFETY * request.tolerance), 0.0)
@@ -61,6 +61,11 @@ def estimated(
         method=method_of(basis), exhaustive=False,
     )  # fmt: skip
     return modes, off, relative
+
+
+def error_scale(modes: Modes, highest: float) -> np.ndarray:
+    """Return what errors of λ (k,), rad/s, are relative to: |λ|, but of slow modes a part of `highest`, rad/s."""
+    return np.maximum(np.abs(modes.lam), 1e-3 * highest)
 
 
 def method_of(basis: ReducedBasis) -> str:

@@ -23,6 +23,7 @@ from ..problem.tabulated import Tabulated
 from .basis import ReducedBasis
 from .begun import BegunModel, collected_at
 from .corners import softest_value
+from .estimate import error_scale
 from .growing import spread
 from .missing import holds_all
 from .mode_corrections import ModeCorrections
@@ -46,6 +47,8 @@ class ReducedModel(BegunModel):
     linear_solver : LinearSolver
     enough : float
         Of what an error may be: below that modes that are put into the basis are not corrected any more.
+    is_modal : bool
+        Whether it stops at the modes of the problem without damping and friction, whatever the error.
     """
 
     def __init__(
@@ -61,7 +64,7 @@ class ReducedModel(BegunModel):
         values : (m,) float, increasing
         request : Request
         modal : bool
-            Stop at the modes of the problem without damping and friction, whatever the error.
+            As `is_modal`.
         linear_solver : LinearSolver or str
             Factorises the matrices that the model is made from.
         swinging : bool
@@ -76,7 +79,7 @@ class ReducedModel(BegunModel):
             many modes are overdamped.
         """
         self._values = values = np.asarray(values, float)
-        self._least = least
+        self._least, self.is_modal = least, modal
         self._begin(problem, parameter, softest_value(problem, parameter, values), request, linear_solver)
         if swinging:
             self._refuse_overdamped((float(values[0]), float(values[-1])))
@@ -98,7 +101,7 @@ class ReducedModel(BegunModel):
                 raise NotConvergedError(
                     f"the reduced model still lacks modes that are soft at other values of {parameter}"
                 )
-        short = next((p for p in values.tolist() if self._is_short(self._estimated(p)[0])), None)
+        short = next((p for p in values.tolist() if self._is_short(self.own_modes(p))), None)
         if short is not None:
             raise self._too_few(short)
         self._release()
@@ -135,7 +138,7 @@ class ReducedModel(BegunModel):
         model.linear_solver = choose(linear_solver)
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
-        model._start, model._is_made = numbers["start"], True
+        model._start, model._is_made, model.is_modal = numbers["start"], True, numbers.get("modal", False)
         model._know_nothing(problem, True)
         model._met = {place: (size, count) for place, (size, count) in numbers["met"]}
         between = numbers["between"]
@@ -161,7 +164,7 @@ class ReducedModel(BegunModel):
         known, between = ({}, None) if self._between is None else self._between.stored()
         return arrays | {"without": self._without} | known, {
             "basis": numbers, "between": between, "sigma": self._sigma, "highest": self.highest,
-            "factorizations": self.factorizations, "solves": self.solves, "start": self._start,
+            "factorizations": self.factorizations, "solves": self.solves, "start": self._start, "modal": self.is_modal,
             "met": list(self._met.items()),
             "definite_suffices": self._corrections.definite_suffices,
             "table": list(table.known)[1:] if isinstance(table := self.basis.problem, Tabulated) else [],
@@ -186,6 +189,16 @@ class ReducedModel(BegunModel):
     def modes(self, value: Place) -> Modes:
         """Return the modes asked for at one value, with vectors of length r and the errors of the projection."""
         return self._estimated(value)[0]
+
+    def own_modes(self, value: Place) -> Modes:
+        """Return the same modes as those of the projected problem itself, uncertain by rounding alone.
+
+        Of these it is known which are stable and where two of them meet. Of those of the problem it may not be: the
+        error of a modal projection, or of one with a large tolerance, may exceed growth rates.
+        """
+        modes, _, relative = self._estimated(value)
+        error = relative * error_scale(modes, self.highest)
+        return replace(modes, re_uncertainty=np.maximum(modes.re_uncertainty - error, 0.0))
 
     def counted(self) -> bool | None:
         """Return whether the basis holds all modes without damping and friction up to `highest`, by the inertia.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -108,11 +108,12 @@ class Bisection:
         # If no growth rate is clear, not even at the limit, the onset is anywhere between the limits, or nowhere.
         if not any((m.lam.real > _CLEAR * m.re_uncertainty).any() for m in (growing, more, far)):
             unseen = max(unseen, *(abs(limit - value) for limit in change.limits))
-        unseen += self._reduced(change, value, more)
         if law == "parting":  # growth does not begin there, and its distance says nothing
             speed = np.nan
         speed *= 1 if law == "root" else np.sign(change.gains)  # dRe λ/dp falls, √|p − p_c| is positive on either side
-        return onset_of(step, change, value, lam.imag, float(speed), unseen, law)
+        onset = onset_of(step, change, value, lam.imag, float(speed), unseen, law)
+        projection = self._reduced(change, value, more)
+        return replace(onset, exact=replace(onset, uncertainty=unseen + projection).numbers if projection else None)
 
     def _beyond(
         self, unstable: Callable[[float], Modes], value: float, into: float, room: float, lam: complex

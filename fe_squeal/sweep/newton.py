@@ -41,6 +41,8 @@ class Root:
         1 where two eigenvalues become a complex pair for a rising parameter, −1 where a pair becomes two.
     crosses : bool
         Whether an eigenvalue that moves crosses the imaginary axis there: Re λ = 0 alone is asked for.
+    exact : Root or None
+        Of a root of a reduced model: that of the problem itself, if that is known apart from it.
     """
 
     value: float
@@ -51,6 +53,7 @@ class Root:
     left: np.ndarray = field(repr=False)
     coefficient_sign: int = 0
     crosses: bool = False
+    exact: Root | None = None
 
     @property
     def lam(self) -> complex:

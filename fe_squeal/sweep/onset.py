@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,9 @@ class Onset:
         How growth begins at a small distance d = |p − p_c|: Re λ = c √d where two eigenvalues meet, or λ and −λ at zero
         without dampers; Re λ = c d where one crosses the imaginary axis. At a "parting" a pair λ, λ* that grows already
         becomes two real λ ± c √d, or the reverse. "" where it is not known.
+    exact : (float, float, float, float) or None
+        While a sweep on a reduced model runs: `value`, `uncertainty`, `frequency_hz` and `crossing_speed` of the
+        problem itself. Those above are of the reduced model, whose modes are followed, and have to agree with these.
     """
 
     parameter: str
@@ -60,6 +63,7 @@ class Onset:
     extrapolated: float = np.nan
     extrapolated_discretisation: float = np.nan
     law: str = ""
+    exact: tuple[float, float, float, float] | None = None
 
     @property
     def has_root(self) -> bool:
@@ -69,6 +73,20 @@ class Onset:
     def growth_within(self, distance: float) -> float:
         """Return the growth rate, 1/s, at a distance by its law; not finite where it has no threshold."""
         return float(abs(self.crossing_speed) * (np.sqrt(distance) if self.has_root else distance))
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Its value, uncertainty, frequency and speed, as `exact` has them."""
+        return self.value, self.uncertainty, self.frequency_hz, self.crossing_speed
+
+    def certified(self) -> Onset:
+        """Return the onset of the problem itself."""
+        if self.exact is None:
+            return self
+        value, uncertainty, frequency_hz, speed = self.exact
+        return replace(
+            self, value=value, uncertainty=uncertainty, frequency_hz=frequency_hz, crossing_speed=speed, exact=None
+        )
 
     def is_copy_of(self, other: Onset) -> bool:
         """Return whether another onset is the same of an equal part of the brake, or this one itself."""

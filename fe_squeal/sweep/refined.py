@@ -75,6 +75,12 @@ class Refiner:
                 return self._bisection.onset(change, around)
         if root is None:
             return self._bisection.onset(change)
+        onset = self._at(change, root)
+        exact = None if root.exact is None else replace(self._at(change, root.exact), value=root.exact.value).numbers
+        return replace(onset, exact=exact)
+
+    def _at(self, change: Change, root: Root) -> Onset:
+        """Return the onset of a change at a root."""
         omega = float(np.sqrt(max(root.theta, 0.0)))
         slow = change.kind in ("zero", "parting") or omega <= 1e-6 * speed_of(self.step, change)
         return onset_of(self.step, change, root.value, 0.0 if slow else omega, root.coefficient, root.uncertainty)
@@ -231,7 +237,8 @@ class Refiner:
 
         Without a reduced model Newton's method continues on the problem itself. With a reduced model it continues on
         that, and residuals tell how far its root may be from that of the problem. If this is more than rounding and
-        more than `_SURE` allows, or with `precise`, Newton's method on the problem itself follows.
+        more than `_SURE` allows, or with `precise`, the root of the problem itself is found apart from it: of a modal
+        projection it is the same, with that error.
         """
         step, reduced, first = self.step, self.step.reduced_model, x
         if reduced is None:
@@ -239,14 +246,21 @@ class Refiner:
             return root, _is_one_shape(first, root.right, step.problem.mass)
         root, here = self._on_reduced(newton, step.problem, root.value, x, y)
         error, rounding = reduced.root_error(root.value, root.lam, root.right, root.left, here, root.crosses)
+        same = _is_one_shape(first, root.right, step.problem.mass)
+        whole = replace(root, uncertainty=root.uncertainty + error + rounding)
         if error <= max(rounding, _SURE * abs(root.value)) and not self.precise:
-            same = _is_one_shape(first, root.right, step.problem.mass)
-            return replace(root, uncertainty=root.uncertainty + error + rounding), same
-        if not self.precise and (sharp := self._sharpened(newton, root)) is not None:
-            return sharp, _is_one_shape(self._sharper.padded(first), sharp.right, self._sharper.problem.mass)
-        first, x, y = (reduced.lift(v) for v in (first, root.right, root.left))
-        root = newton(step.full, root.value, x, y)
-        return root, _is_one_shape(first, root.right, step.full.mass)
+            return whole, same
+        exact: Root | None = whole
+        if self.precise or not reduced.is_modal:
+            exact = None if self.precise else self._sharpened(newton, root)
+        if exact is None:
+            x, y = (reduced.lift(v) for v in (root.right, root.left))
+            exact = newton(step.full, root.value, x, y)
+            if not _is_one_shape(x, exact.right, step.full.mass):
+                raise NotConvergedError("Newton's method found another mode")
+        if abs(exact.value - root.value) > _MOVED * step.width:
+            raise NotConvergedError("Newton's method left the step")
+        return replace(root, uncertainty=root.uncertainty + rounding, exact=exact), same
 
     def _on_reduced(
         self, newton: _Newton, problem: Problem, value: float, x: np.ndarray, y: np.ndarray

@@ -313,10 +313,10 @@ class RunningSweep:
 
     def result(self) -> Sweep:
         """Return the result so far."""
+        onsets = tuple(sorted((o.certified() for o in self.onsets), key=lambda o: o.value))
         return Sweep(
-            self.problem, self.parameter, tuple(self.points), tuple(sorted(self.onsets, key=lambda o: o.value)),
-            self.completeness, dict(self._clock.seconds), tuple(self.told.warnings), self._solver.model, self.window,
-            tuple(self.told.unsettled),
+            self.problem, self.parameter, tuple(self.points), onsets, self.completeness, dict(self._clock.seconds),
+            tuple(self.told.warnings), self._solver.model, self.window, tuple(self.told.unsettled),
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray, halved: bool) -> Found:

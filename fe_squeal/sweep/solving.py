@@ -73,7 +73,6 @@ class ValueSolver:
         self._is_swept, self._scale = len(values) > 1, Scale.of(values)
         self.guarded = _with_guard(request) if self._is_swept else request
         self.model: ReducedModel | None = None
-        self._is_modal = False
         self.tracked, self.mass = problem, problem.mass
         self._describer: Describer | None = None
         self._described: Columns | None = None  # the basis in whose coordinates the describer takes shapes
@@ -101,7 +100,7 @@ class ValueSolver:
         """
         if not is_reduced(self.problem, self.parameter, len(values), method):
             return
-        self._is_modal, clock = method == "modal", self._clock.now()
+        clock = self._clock.now()
         stored = None if store is None else store.load_model()
         # The reduced model has to be accurate between the values too, where steps are halved and onsets are found.
         places, solver = self._scale.filled(values, CHECKED), self.linear_solver
@@ -111,7 +110,7 @@ class ValueSolver:
                     model = ReducedModel.restored(self.problem, self.parameter, places, self.guarded, *stored, solver)
                 else:
                     model = ReducedModel(
-                        self.problem, self.parameter, places, self.guarded, self._is_modal, solver, method == "auto",
+                        self.problem, self.parameter, places, self.guarded, method == "modal", solver, method == "auto",
                         self.request.count or 0,
                     )
         except (NotConvergedError, SceneError) as error:  # a scene may have no static state at one of the values
@@ -122,7 +121,7 @@ class ValueSolver:
             return
         self.model, self.tracked = model, model.projected
         self.mass = self.tracked.mass
-        if self._is_modal:
+        if model.is_modal:
             self.told.add(
                 f"modal projection: an eigenvalue may be off by {100 * model.worst:.2g} % of |λ|, as estimated"
             )
@@ -132,6 +131,9 @@ class ValueSolver:
 
     def modes(self, value: float, before: Modes | None) -> Modes:
         """Return the modes at a value, those asked for and some more.
+
+        Those of a reduced model are followed as the modes of its projected problem, uncertain by rounding alone:
+        `point` reports them with the errors of the projection, and each onset has its own.
 
         Parameters
         ----------
@@ -145,9 +147,7 @@ class ValueSolver:
         """
         clock = self._clock.now()
         if self.model is not None:
-            modes = self.model.modes(value)
-            if self._is_modal:
-                modes = replace(modes, method=f"modal projection on {len(self.model.basis)} vectors")
+            modes = self.model.own_modes(value)
         else:
             try:
                 pencil = self.problem.pencil({self.parameter: value})
@@ -197,13 +197,14 @@ class ValueSolver:
         ----------
         value : float
         modes : Modes
-            From `modes`.
+            From `modes`, at the same value.
         branches : (k,) int
             The branch of each.
         keep_all : bool
             Whether to keep the shapes of all modes, and not of the unstable ones alone.
         """
         wanted = wanted_count(modes, self.request)
+        modes = self._certified(value, modes)
         growing = np.flatnonzero(modes.stability == "unstable")
         above, growing = modes.lam[growing[growing >= wanted]], growing[growing < wanted]
         shapes: Mapping[int, np.ndarray] = {
@@ -224,6 +225,16 @@ class ValueSolver:
             value, reported, branches[:wanted], shapes, moves, pressed, above=tuple(complex(lam) for lam in above),
             description=description,
         )  # fmt: skip
+
+    def _certified(self, value: float, modes: Modes) -> Modes:
+        """Return modes at a value, the first of those asked for, with the errors of the projection, if there is one."""
+        if self.model is None:
+            return modes
+        # The modes that `modes` gave are the same, without those that it left out behind the ones asked for.
+        certified = _without_cut(self.model.modes(value), wanted_count(modes, self.request))
+        if self.model.is_modal:
+            certified = replace(certified, method=f"modal projection on {len(self.model.basis)} vectors")
+        return certified
 
     def growth_beyond(self, value: float, modes: Modes) -> float:
         """Return the growth rate, 1/s, of which complex stiffness says nothing at a value, see `growth_beyond`."""

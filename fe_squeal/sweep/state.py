@@ -92,7 +92,7 @@ class SweepState:
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
-        onsets = tuple(sorted(self.onsets, key=lambda o: o.value))
+        onsets = tuple(sorted((o.certified() for o in self.onsets), key=lambda o: o.value))
         return Sweep(
             problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings,
             window=self.window, unsettled=self.unsettled,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from chains import CLASSES, MODES, N, chain, dense
+from hard_problems import brake
 from selection import some
 
 import fe_squeal.reduced.begun as begun
@@ -207,6 +208,39 @@ def test_modal_projection_tells_its_error():
         lam = model.modes(float(mu)).lam
         errors.append((np.abs(lam[:, None] - dense(problem, mu)[None, :]).min(axis=1) / np.abs(lam)).max())
     assert 1e-5 < max(errors) <= model.worst < 1e3 * max(errors)
+
+
+def test_modal_projection_keeps_its_own_onsets_and_tells_their_errors():
+    """They are those of the projected problem, solved by itself; the true ones are within their uncertainties."""
+    problem = brake()
+    values = np.linspace(0.0, 0.9, 13)
+    modal = sweep(problem, values, modes=30, method="modal")
+    alone = sweep(modal.reduced_model.projected, values, modes=30, method="direct")
+    assert not modal.unsettled and len(modal.onsets) >= 3
+    assert [o.value for o in modal.onsets] == pytest.approx([o.value for o in alone.onsets], rel=1e-7)
+    exact = sweep(problem, values, modes=30, method="reduced").onsets
+    for onset in exact:
+        found = min(modal.onsets, key=lambda o: abs(o.frequency_hz - onset.frequency_hz))
+        assert 1e-5 < abs(found.value - onset.value) <= found.uncertainty
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-2])
+def test_a_loose_tolerance_loses_no_onset(tolerance):
+    """Errors of λ may exceed growth rates, but do not make modes unstable and stable by turns."""
+    values = np.linspace(0.0, 0.9, 13)
+    exact, loose = (sweep(brake(), values, modes=30, method="reduced", tolerance=t) for t in (1e-8, tolerance))
+    assert len(exact.reduced_model.basis) > len(loose.reduced_model.basis)
+    assert len(exact.onsets) == 5 and not loose.warnings
+    for onset in exact.onsets:
+        alike = [o for o in loose.onsets if o.direction == onset.direction]
+        found = min(alike, key=lambda o: abs(o.frequency_hz - onset.frequency_hz))
+        assert abs(found.value - onset.value) <= found.uncertainty + onset.uncertainty
+    assert np.median([o.uncertainty for o in loose.onsets]) < 1e-7  # they are made exact, one by one
+    for point in loose.points:  # whose modes tell the errors of the projection
+        lam = exact.reduced_model.modes(point.value).lam
+        off = np.abs(point.modes.lam[:, None] - lam).min(axis=1)
+        assert (off <= point.modes.re_uncertainty + 1e-8 * np.abs(point.modes.lam)).all()
+    assert loose.points[-1].modes.re_uncertainty.max() > 1e-6 * np.abs(lam).max()
 
 
 def test_a_parameter_that_changes_matrices_cannot_be_reduced():
