@@ -20,6 +20,7 @@ _NO_MATCH = 1.5
 # An onset that is not found as one of the reference's may be one of those that are not known, or the other end of a
 # window of such a one, if value and frequency differ by less than this part of the interval and of the frequency.
 _BESIDE = 0.2
+_ROUNDING = 1e-9  # of the highest frequency that counts: growth that is slower may be rounding
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class Errors:
 
 def grows(lam: np.ndarray, limit: float) -> np.ndarray:
     """Return which modes (k,) bool grow by more than rounding, and have a frequency of up to `limit`, rad/s."""
-    return np.asarray((lam.real > 1e-9 * limit) & (lam.imag <= limit))
+    return np.asarray((lam.real > _ROUNDING * limit) & (lam.imag <= limit))
 
 
 def as_reference(m: Measurement) -> Reference:
@@ -183,6 +184,36 @@ def errors_of(m: Measurement, reference: Reference) -> Errors:
     ]
     growth = _growth_error(m, last, reference)
     return Errors(max(frequency, default=np.nan), growth, _onset_error(m, reference, same))
+
+
+def along(errors: Errors, m: Measurement, best: Measurement) -> Errors:
+    """Return the errors of a result against a better one on the same mesh, the largest over all values of the sweep.
+
+    Frequencies are known at all values there, not only at those that shapes are stored of. Modes are paired by λ, which
+    is near enough: both results are of the same matrices, or nearly so. Growth is relative to the fastest at any value.
+
+    Parameters
+    ----------
+    errors : Errors
+        Those of the values with shapes, which they begin with.
+    m, best : Measurement
+        With the same values.
+    """
+    limit = as_reference(best).limit
+    frequency, growth = [errors.frequency], []
+    fastest = float(np.nanmax(np.where(best.lam.imag <= limit, best.lam.real, np.nan), initial=0.0))
+    for found, true in zip(m.lam, best.lam, strict=True):
+        found, true = found[np.isfinite(found)], true[np.isfinite(true)]
+        rows, columns = linear_sum_assignment(np.abs(true[:, None] - found[None, :]))
+        counted = (true[rows].imag > 0) & (true[rows].imag <= limit)
+        off = found[columns] - true[rows]
+        frequency.extend((np.abs(off.imag) / np.abs(true[rows]))[counted])
+        growing = counted & (grows(true[rows], limit) | (found[columns].real > _ROUNDING * limit))
+        growth.extend(np.abs(off.real)[growing])
+        missed = np.delete(true, rows)
+        growth.extend(missed.real[grows(missed, limit)])
+    most = max(growth, default=0.0) / fastest if fastest > _ROUNDING * limit else np.nan
+    return Errors(float(np.nanmax(frequency)), float(np.fmax(most, errors.growth)), errors.onset)
 
 
 def same_modes(shapes: np.ndarray, lam: np.ndarray, others: np.ndarray, found: np.ndarray) -> dict[int, int]:

@@ -13,7 +13,7 @@ from ..errors import NotConvergedError, SquealError
 from ..scene import Scene
 from .forecast import Forecast, by_information, forecast_of
 from .measure import Measurement, measure_apart
-from .reference import Errors, Reference, as_reference, errors_of, reference_of, with_exact
+from .reference import Errors, Reference, along, as_reference, errors_of, reference_of, with_exact
 from .settings import Setting, key_of, plan
 
 if TYPE_CHECKING:
@@ -74,7 +74,8 @@ class Study:
         """Return a row per setting, with the columns of accuracy.csv.
 
         The `error_` columns are errors against the reference, the `algebraic_` ones against the best solution on the
-        same mesh: a direct solve, or else the setting with the smallest tolerance. The `lost_` columns are how many
+        same mesh: a direct solve, or else the setting with the smallest tolerance; these are the largest over all
+        values of the sweep. The `lost_` columns are how many
         modes, growing modes and onsets of the finest mesh are not found again when it is refined, or onsets of the
         refined mesh are not those of it, and so not compared.
         """
@@ -108,7 +109,7 @@ class Study:
         best = min(same, key=lambda p: (p[0].method != "direct", p[0].tolerance), default=None)
         if best is None or best[1] is measured:
             return Errors()
-        return errors_of(measured, as_reference(best[1]))
+        return along(errors_of(measured, as_reference(best[1])), measured, best[1])
 
 
 def run_study(

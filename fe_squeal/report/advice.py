@@ -111,9 +111,18 @@ def lines_of(frame: pd.DataFrame) -> Iterator[tuple[ChartLine, pd.DataFrame]]:
             yield line, rows
 
 
+def charted(frame: pd.DataFrame, quantity: str) -> np.ndarray:
+    """Return the errors (n,) that the chart shows: those of a quantity, or those by the projection alone if larger.
+
+    Where the error of a projection happens to cancel that of the mesh, the row is good by accident, on this mesh alone.
+    """
+    alone = quantity.replace("error", "algebraic")
+    return np.asarray(np.maximum(frame[quantity], frame[alone].fillna(0.0)), float)
+
+
 def pareto(frame: pd.DataFrame, quantity: str) -> np.ndarray:
     """Return (n,) bool, which rows are on the Pareto front: no other row has both less time and less error."""
-    seconds, error = frame["seconds"].to_numpy(float), frame[quantity].to_numpy(float)
+    seconds, error = frame["seconds"].to_numpy(float), charted(frame, quantity)
     beaten = (seconds[None, :] <= seconds[:, None]) & (error[None, :] <= error[:, None])
     beaten &= (seconds[None, :] < seconds[:, None]) | (error[None, :] < error[:, None])
     return np.asarray(np.isfinite(error) & ~beaten.any(axis=1))

@@ -8,7 +8,7 @@ import pytest
 
 from fe_squeal.accuracy.settings import Setting
 from fe_squeal.report.accuracy import accuracy_page, plot_accuracy
-from fe_squeal.report.advice import QUANTITIES, advice, fitted, lines_of, pareto
+from fe_squeal.report.advice import QUANTITIES, advice, charted, fitted, lines_of, pareto
 from fe_squeal.report.page.accuracy import write_accuracy_page
 
 
@@ -21,7 +21,8 @@ def table(rates=(2.0, 4.0), work=(1.0, 2.0)):
             seconds = 0.5 + at_once * (size / 0.02) ** -3.5
             rows.append((order, size, "size", seconds, error, error, error))
     columns = ["order", "size", "knob", "seconds", "error_frequency", "error_growth", "error_onset"]
-    return pd.DataFrame(rows, columns=columns)
+    alone = {f"algebraic_{what}": np.nan for what in ("frequency", "growth", "onset")}
+    return pd.DataFrame(rows, columns=columns).assign(**alone)
 
 
 def test_fits_find_the_powers():
@@ -98,7 +99,7 @@ def test_advice_names_the_order_that_its_table_has():
 def test_adapted_meshes_stand_beside_uniform_ones():
     """The fastest of order 2 is named, adapted or not; rates are those of uniform meshes alone."""
     frame = table()
-    adapted = pd.DataFrame([(2, 0.012, "adapted", 3.0, *[0.004] * 3)], columns=frame.columns)
+    adapted = pd.DataFrame([(2, 0.012, "adapted", 3.0, *[0.004] * 3)], columns=frame.columns[:7])
     both = pd.concat([frame, adapted])
     assert advice(both, "error_onset")[2].startswith("1 % on critical values: order 2, 12 mm adapted, 3 s (0.4 %)")
     assert fitted(both, 2, "error_onset") == pytest.approx(4.0)
@@ -107,4 +108,12 @@ def test_adapted_meshes_stand_beside_uniform_ones():
 
 def test_pareto_front():
     frame = pd.DataFrame({"seconds": [1.0, 2.0, 3.0, 2.5], "error_onset": [0.1, 0.05, 0.06, np.nan]})
-    assert pareto(frame, "error_onset").tolist() == [True, True, False, False]
+    assert pareto(frame.assign(algebraic_onset=np.nan), "error_onset").tolist() == [True, True, False, False]
+
+
+def test_a_row_that_is_good_by_accident_is_not_on_the_pareto_front():
+    """The error of its projection, 0.2, cancels that of the mesh but for 0.001: on another mesh it may not."""
+    frame = pd.DataFrame({"seconds": [1.0, 2.0, 1.5], "error_growth": [0.1, 0.05, 0.001]})
+    frame["algebraic_growth"] = [np.nan, 1e-9, 0.2]
+    assert charted(frame, "error_growth").tolist() == [0.1, 0.05, 0.2]
+    assert pareto(frame, "error_growth").tolist() == [True, True, False]

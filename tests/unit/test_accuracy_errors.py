@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from accuracy_scene import fake
 
-from fe_squeal.accuracy.reference import errors_of, reference_of, same_modes, with_exact
+from fe_squeal.accuracy.reference import along, as_reference, errors_of, reference_of, same_modes, with_exact
 
 
 def test_modes_are_paired_by_shape():
@@ -46,6 +46,23 @@ def test_errors_of_growth_and_onsets():
     assert extra.growth == pytest.approx(0.4)
     quiet = reference_of(fake([100j, 150j, 300j], shapes))
     assert np.isnan(errors_of(fake([100j, 150j, 300j], shapes), quiet).growth)
+
+
+def test_errors_on_the_same_mesh_are_the_largest_along_the_sweep():
+    """At the first of three values growth is half of what it is in truth, at the last it is right; by shape, as errors
+    against other meshes are found, the last value alone would count."""
+    shapes = np.eye(6)[:, :3] + 0j
+    best = fake([10 + 100j, 150j, 300j], shapes)
+    best = replace(best, lam=np.array([[8 + 100j, 150j, 300j], [9 + 100j, 150j, 300j], [10 + 100j, 150j, 300j]]))
+    found = replace(best, lam=best.lam + np.array([[-4 + 1j, 0, 0], [0, -0.3j, 0], [0, 0, 0]]))
+    errors = errors_of(found, as_reference(best))
+    assert errors.growth == 0
+    swept = along(errors, found, best)
+    assert (swept.frequency, swept.growth) == pytest.approx((1 / abs(8 + 100j), 0.4))
+    lost = replace(best, lam=np.delete(best.lam, 0, axis=1))  # the growing mode is not found at all
+    assert along(errors, lost, best).growth == 1.0
+    still = replace(best, lam=1j * best.lam.imag)  # nothing grows in either
+    assert np.isnan(along(errors_of(still, as_reference(still)), still, still).growth)
 
 
 def test_reference_is_extrapolated_and_says_how_sure_it_is():
