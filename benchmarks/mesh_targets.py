@@ -1,8 +1,9 @@
 """Meshes for a target: python benchmarks/mesh_targets.py [--write] [--folder FOLDER] [--only NAME ...] [--random N]
 
 It shows which meshes `fe-squeal run --accuracy` finds for scenes that its rules were not fitted to, and the true errors
-there. True values are extrapolated from the same mesh with 1.5 times as many elements along every line. Measurements
-are kept in the folder, and not made again the next time.
+there. True values are extrapolated from the same mesh with 1.5 times as many elements along every line, those of the
+brake in a file from another mesh of smaller elements. Measurements are kept in the folder, and not made again the next
+time.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from accuracy_cases import belt_scene, brake_scene
+from chamfered import chamfered_scene, write_chamfered
 
 from fe_squeal.accuracy.choose import Choice, choose
 from fe_squeal.accuracy.measure import measure_apart
@@ -25,10 +27,12 @@ from fe_squeal.accuracy.quantities import KINDS
 from fe_squeal.accuracy.reference import errors_of, reference_of
 from fe_squeal.accuracy.settings import own_setting
 from fe_squeal.errors import NotConvergedError
+from fe_squeal.mesh.writing import write_loaded
 from fe_squeal.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
 FINER = 1.5  # times the elements along every line, for the true values
+FILE, FILE_FINER = 0.016, 0.006  # m: sizes of the tetrahedra in the file, and of those for the true values
 DAMPED: dict[str, Any] = {"friction": {"mu": 0.3}, "rayleigh": {"alpha": 20.0, "beta": 1e-8}}
 ONE_PAD: dict[str, Any] = {"pads": 1, "pad_angle_deg": 70.0}
 _COLUMNS = {"frequencies": "frequency", "growth": "growth", "onsets": "onset"}
@@ -98,9 +102,10 @@ def random_pad(seed: int) -> Scene:
     )
 
 
-def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
-    """Return, by name, a scene, a target, and the kinds of quantities that are to meet it."""
+def cases(count: int, folder: Path) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
+    """Return by name a scene, a target, and the kinds of quantities that are to meet it; meshes are put in a folder."""
     onsets = ("onsets",)
+    imported = write_chamfered(folder / "chamfered.msh", FILE)
     found = {
         "soft pad on a belt": (belt_scene(materials=SOFT), 0.02, KINDS),
         "thin pad on a belt": (thin_pad(), 0.05, KINDS),
@@ -108,13 +113,14 @@ def cases(count: int) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
         "disc with two pads, onsets": (brake_scene(), 0.02, onsets),
         "disc with one long pad, onsets": (one_long_pad(), 0.05, onsets),
         "disc with two pads, damped, onsets": (brake_scene(effects=DAMPED), 0.05, onsets),
+        "tetrahedra from a file, chamfers and slots": (chamfered_scene(imported), 0.05, KINDS),
     }
     found |= {f"random pad {seed}": (random_pad(seed), 0.03, KINDS) for seed in range(count)}
     return found | {f"random brake {seed}, onsets": (random_brake(seed), 0.1, onsets) for seed in range(count)}
 
 
-def reach(name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS) -> dict[str, Any]:
-    """Return the mesh that was found for a target, what it cost, and its true errors."""
+def reach(folder: Path, name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS) -> dict[str, Any]:
+    """Return the mesh that was found for a target, what it cost, and its true errors; meshes are put in a folder."""
     start = time.perf_counter()
     print(name, file=sys.stderr)
     try:
@@ -124,7 +130,7 @@ def reach(name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS
             raise
         choice = error.partial
     seconds = time.perf_counter() - start
-    errors = true_errors(choice)
+    errors = true_errors(choice, folder)
     last = choice.trials[-1]
     wanted = [errors[_COLUMNS[kind]] for kind in kinds]
     return {
@@ -144,11 +150,18 @@ def _worst(choice: Choice, kinds: tuple[str, ...], errors: list[float]) -> float
     return float("inf") if lost else float(np.nanmax(errors))
 
 
-def true_errors(choice: Choice) -> dict[str, float]:
-    """Return the errors of a choice against values extrapolated from a finer mesh."""
-    own = replace(own_setting(choice.scene), method="reduced")
-    best, probes = measure_apart(choice.scene, replace(own, size=own.size / FINER), None, True, None) or (None, None)
-    there, _ = measure_apart(choice.scene, own, probes, False, None) or (None, None)
+def true_errors(choice: Choice, folder: Path) -> dict[str, float]:
+    """Return the errors of a choice against values extrapolated from a finer mesh; meshes are put in a folder."""
+    scene = choice.scene
+    if scene.mesh.geometry is None:
+        scene = chamfered_scene(write_loaded(choice.mesh, folder / "found.msh"))
+        finer = chamfered_scene(write_chamfered(folder / "finer.msh", FILE_FINER))
+        setting = own_setting(finer)
+    else:
+        finer, setting = scene, replace(own_setting(scene), size=own_setting(scene).size / FINER)
+    best, probes = measure_apart(finer, replace(setting, method="reduced"), None, True, None) or (None, None)
+    own = replace(own_setting(scene), method="reduced")
+    there, _ = measure_apart(scene, own, probes, False, None) or (None, None)
     assert best is not None and there is not None
     errors = errors_of(there, reference_of(best))
     return {"frequency": errors.frequency, "growth": errors.growth, "onset": errors.onset}
@@ -175,10 +188,10 @@ def main() -> None:
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     found, missing = [], []
-    for name, case in cases(given.random).items():
+    for name, case in cases(given.random, given.folder).items():
         path = given.folder / f"{name.replace(' ', '_').replace(',', '').replace('%', 'percent')}.json"
         if not path.exists() and (given.only is None or name in given.only):
-            path.write_text(json.dumps(reach(name, *case)), encoding="utf-8")
+            path.write_text(json.dumps(reach(given.folder, name, *case)), encoding="utf-8")
         if path.exists():
             found.append(json.loads(path.read_text(encoding="utf-8")))
         else:
@@ -189,7 +202,7 @@ def main() -> None:
     unmeasured = f"\nNot measured: {'; '.join(missing)}.\n" if missing else ""
     page = PAGE.format(
         when=f"{os.cpu_count()} cores, shared with other work, {time.strftime('%Y-%m-%d')}", within=within,
-        all=f"{len(asked)}{without}", missing=unmeasured, rows="\n".join(row(f) for f in found),
+        finer=1e3 * FILE_FINER, all=f"{len(asked)}{without}", missing=unmeasured, rows="\n".join(row(f) for f in found),
     )  # fmt: skip
     print(page)
     if given.write:
@@ -202,7 +215,8 @@ PAGE = """# Meshes for a target
 says no order: on elements of order 3 that are 1.5 times as long), finds out by body, direction and element where the
 error comes from, cuts there finer (and grades a disc towards its hub), and ends when the bars of frequencies, growth
 rates and onsets meet the target. Made by `python benchmarks/mesh_targets.py --write`; {when}. The
-true errors are those against a mesh with 1.5 times as many elements along every line, extrapolated: of the frequencies
+true errors are those against a mesh with 1.5 times as many elements along every line (of the brake in a file, whose
+tetrahedra are cut where errors are: another mesh of gmsh, of size {finer:g} mm), extrapolated: of the frequencies
 at the first value, of growth at the last one relative to the fastest, of the critical values; where the name ends in
 "onsets" these alone are to meet the target (`--accuracy-of onsets`). Seconds are those of the whole search; other work
 on the machine makes them longer.

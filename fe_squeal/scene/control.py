@@ -145,9 +145,9 @@ class Solve(Section):
     method : "auto", "direct", "reduced" or "modal"
         How the modes are computed: "direct" solves at every value; "reduced" makes a reduced model that holds over the
         sweep within the tolerance; "modal" projects on the modes without friction and damping and tells the error that
-        this makes; "auto" takes "reduced" from 2000 unknowns on, but without friction and damping only from five values
-        of the sweep on, and "direct" otherwise. A study has no "modal"; with "direct" it solves directly at every
-        place, otherwise on a reduced model where there can be one that pays.
+        this makes; "auto" takes "reduced" from five values of the sweep and 401 unknowns on, at fewer values with
+        friction or damping from 2000 unknowns on, and "direct" otherwise. A study has no "modal"; with "direct" it
+        solves directly at every place, otherwise on a reduced model where there can be one that pays.
     tolerance : float
         Relative error of every eigenvalue, next to a double one times its condition; in a reduced model of those below
         a thousandth of the band relative to that. Shapes that are written, and modes of direct solves, have this

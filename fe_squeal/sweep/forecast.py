@@ -24,7 +24,10 @@ from ..problem.problem import Problem
 from ..problem.tabulated import Tabulated
 from ..process.ranks import process_count
 
-VALUES, UNKNOWNS = 5, 2000  # values of the sweep and unknowns from which a reduced model is faster than direct solves
+# Values of the sweep from which a reduced model is faster than direct solves of a problem that LAPACK does not solve as
+# a whole, and unknowns from which it is so at fewer values with friction or damping. Measured on ten models of
+# benchmarks/gallery, with 747 to 6 654 unknowns; at five values it took 1.4 times as long at worst, 0.2 at best.
+VALUES, UNKNOWNS = 5, 2000
 
 # What is counted below was measured phase by phase, by the memory that each holds (benchmarks/memory.py).
 _FIGURES = 62 * 2**20  # bytes of Matplotlib, pandas and what belongs to them, which a run loads
@@ -68,9 +71,10 @@ def is_reduced(problem: Problem, parameter: str, values: int, method: str) -> bo
     # Without friction and damping a few values cost least by Lanczos iterations. In all other problems left modes are
     # needed and modes are counted, and both take less time with a reduced model, even at one value.
     plain = all(t.symmetric and t.slot != "C" and not t.imaginary for t in problem.terms)
-    enough = values >= VALUES or not plain
-    pays = enough and problem.unknowns >= UNKNOWNS and (problem.is_affine(parameter) or problem.source is not None)
-    return method in ("reduced", "modal") or (method == "auto" and pays)
+    few = problem.unknowns >= UNKNOWNS and not plain
+    pays = few or (values >= VALUES and problem.unknowns > DENSE_LIMIT)
+    possible = problem.is_affine(parameter) or problem.source is not None
+    return method in ("reduced", "modal") or (method == "auto" and pays and possible)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import fe_squeal.report.export
+from fe_squeal.eigen.dense import DENSE_LIMIT
 from fe_squeal.scene.reference import reference
 from fe_squeal.sweep.forecast import UNKNOWNS, VALUES
 
@@ -26,7 +27,9 @@ def test_scene_reference_is_the_one_the_command_makes() -> None:
 def test_numbers_of_the_reference_can_be_read() -> None:
     assert "≤ 2 147 483 648" in reference() and not re.search(r"[<>≤≥] [\d.]+e", reference())
     assert "`a table`" not in reference()
-    assert f'"auto" takes "reduced" from {UNKNOWNS} unknowns on' in reference() and VALUES == 5  # "five" there
+    assert f'takes "reduced" from five values of the sweep and {DENSE_LIMIT + 1} unknowns' in reference()
+    assert VALUES == 5
+    assert f"at fewer values with friction or damping from {UNKNOWNS} unknowns on" in reference()
 
 
 def test_every_key_of_the_reference_has_a_meaning() -> None:

@@ -72,7 +72,7 @@ def test_check_says_what_fits(tmp_path, capsys, monkeypatch):
     path = write_scene(tmp_path, SMALL)
     assert main(["check", str(path), "--processes", "4", "--memory-per-process", "0.1"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"predicted memory [\d.]+ MiB \(a direct solve per value\): program and model [\d.]+ MiB,", said)
+    assert re.search(r"predicted memory [\d.]+ MiB \(reduced sweep\): program and model [\d.]+ MiB,", said)
     assert re.search(r"what fits here (about )?\d+ modes × 5 values or more; .* free on 4 processes process 0 ", said)
     assert "of 102 MiB each does not fit; what would: " in said and "MUMPS is not installed here" in said
 
