@@ -15,7 +15,8 @@ from .changes import FINEST, Change
 from .doubts import Doubt, lost_in_rounding, one_in_rounding, split_doubtful
 from .nodes import Node
 from .onset import Onset
-from .refined import FAILURES, Refiner
+from .refined import Refiner
+from .roots import FAILURES
 from .scale import LINEAR, Scale
 from .scan import Open, Scan, scan
 from .step import Step

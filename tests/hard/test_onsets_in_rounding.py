@@ -22,7 +22,7 @@ from fe_squeal.errors import NotConvergedError, SceneWarning, TooLargeError
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.reduced import ReducedModel
-from fe_squeal.sweep.refined import Refiner
+from fe_squeal.sweep.roots import Roots
 
 
 @pytest.fixture
@@ -140,7 +140,7 @@ def bisected(monkeypatch):
     def fail(*_):
         raise NotConvergedError("left to bisection")
 
-    monkeypatch.setattr(Refiner, "_root", fail)
+    monkeypatch.setattr(Roots, "of", fail)
     parts = [("m", "M", np.eye(3), {}), ("k", "K", np.diag([1.0, 1.2, 9.0]), {}),
              ("f", "K", np.array([[0, 1.0, 0], [-1.0, 0, 0], [0, 0, 0]]), {"p": 1})]  # fmt: skip
     return Problem(tuple(Term(n, slot, sp.csr_array(A), n != "f", power) for n, slot, A, power in parts), {"p": 0.0})
@@ -167,7 +167,7 @@ def test_a_damped_window_of_which_neither_end_is_refined_is_told(monkeypatch):
     def refuse(*_, **__):
         raise TooLargeError("too large")
 
-    for module in ("bisection", "refined"):
+    for module in ("bisection", "roots"):
         for name in ("solve_modes", "find_crossing"):
             monkeypatch.setattr(importlib.import_module(f"fe_squeal.sweep.{module}"), name, refuse, raising=False)
     one = sp.csr_array(np.eye(1))

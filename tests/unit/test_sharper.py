@@ -15,7 +15,7 @@ from fe_squeal.reduced import ReducedModel, SharperModel
 
 VALUES = np.linspace(0.0, 0.9, 7)
 KINDS = ("nonsymmetric", "quadratic", "complex", "complex with C")
-refined = importlib.import_module("fe_squeal.sweep.refined")
+roots = importlib.import_module("fe_squeal.sweep.roots")
 
 
 @pytest.mark.parametrize("kind", some(KINDS, lambda kind: kind == "nonsymmetric"))
@@ -31,9 +31,9 @@ def test_rough_models_give_sharp_onsets(kind, monkeypatch):
         return measure(self, *arguments)
 
     for name in ("find_coalescence", "find_crossing", "find_zero"):
-        find = getattr(refined, name)
+        find = getattr(roots, name)
         counted = lambda p, *a, find=find, **o: (sizes.append(p.unknowns), find(p, *a, **o))[1]  # noqa: E731
-        monkeypatch.setattr(refined, name, counted)
+        monkeypatch.setattr(roots, name, counted)
     monkeypatch.setattr(ReducedModel, "root_error", root_error)
     found = sweep(problem, VALUES, modes=MODES, method="reduced", tolerance=1e-3).onsets
     assert len(found) == len(exact) > 0 and sizes
