@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..eigen.columns import are_spread
-from ..eigen.linear.matrix_parts import Told, keep_rows, own_unknowns
+from ..eigen.linear.matrix_parts import SpreadRows, keep_rows, own_unknowns
 from ..eigen.linear.processes import new_handle, together
 from ..eigen.linear.spread_matrix import Part, Partition, SpreadMatrix
 from ..process.ranks import process_count
@@ -76,7 +76,7 @@ def know(comm: Any, what: dict[str, Any], space: DisplacementSpace | None) -> No
         _space = space
 
 
-def assemble_rows(comm: Any, what: dict[str, Any], data: None) -> list[Told] | None:
+def assemble_rows(comm: Any, what: dict[str, Any], data: None) -> list[SpreadRows] | None:
     """Sum this process's rows of the matrices of some elements, and keep them."""
     space, own = _space, own_unknowns(what["partition"])
     assert space is not None

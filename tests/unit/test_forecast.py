@@ -21,7 +21,7 @@ from fe_squeal.cli import main
 from fe_squeal.eigen import columns, memory
 from fe_squeal.eigen.linear import choice, mumps
 from fe_squeal.eigen.linear.pardiso import has_pardiso
-from fe_squeal.eigen.linear.petsc import Told
+from fe_squeal.eigen.linear.petsc import MumpsReport
 from fe_squeal.run import fits
 from fe_squeal.run.fits import Machines, fits_here, fits_there, modes_that_fit
 from fe_squeal.sweep.forecast import MemoryCount, count_memory
@@ -158,7 +158,7 @@ LARGEST, ON_DISK = 4 * 10**8, 10**8  # bytes of factors on the process that has 
 
 def started(monkeypatch, processes, here):
     """Be process 0 of so many that mpiexec has started, some of them on this machine, with MUMPS."""
-    told = Told(-9, 0, 0, LARGEST, processes * LARGEST, ON_DISK, processes * ON_DISK, 10**9, 1e12)
+    told = MumpsReport(-9, 0, 0, LARGEST, processes * LARGEST, ON_DISK, processes * ON_DISK, 10**9, 1e12)
     for module in (fits, columns):
         monkeypatch.setattr(module, "process_count", lambda: processes)
     for module in (mumps, columns):

@@ -145,7 +145,7 @@ def test_no_process_raises_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_error_of_a_solve_is_one_message(
     error: int, raised: type[Exception] | None, message: str, imaginary: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
-    told = petsc.Told(0, 0, 0, 8 * MB, 8 * MB, 8 * MB, 8 * MB, 8 * MB, 1e6)
+    told = petsc.MumpsReport(0, 0, 0, 8 * MB, 8 * MB, 8 * MB, 8 * MB, 8 * MB, 1e6)
 
     def together(name: str, data: np.ndarray, **what: object) -> object:
         return told if name == "factorize" else (data * (np.nan if error <= 0 else 0.5), error)

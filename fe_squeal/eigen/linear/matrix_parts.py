@@ -55,7 +55,7 @@ class _Rows:
     pattern: int
 
 
-class Told(NamedTuple):
+class SpreadRows(NamedTuple):
     """What process 0 knows of a matrix whose rows are spread.
 
     Attributes
@@ -97,7 +97,7 @@ def partition(comm: Any, what: dict[str, Any], position: np.ndarray | None) -> N
     _partitions[what["handle"]] = _Partition(np.flatnonzero((known >= low) & (known < high)), known)
 
 
-def keep_rows(comm: Any, handles: Sequence[int], found: Sequence[sp.csr_array]) -> list[Told] | None:
+def keep_rows(comm: Any, handles: Sequence[int], found: Sequence[sp.csr_array]) -> list[SpreadRows] | None:
     """Keep this process's rows (m, n) of some matrices; process 0 is told of each."""
     told, pattern, columns = [], 0, np.zeros(0, np.int32)
     for handle, A in zip(handles, found, strict=True):
@@ -115,11 +115,11 @@ def keep_rows(comm: Any, handles: Sequence[int], found: Sequence[sp.csr_array]) 
         own = columns, int(matrix.nnz)
         every = [own] if comm is None else comm.gather(own, root=0)
         if every is not None:
-            told.append(Told(pattern, [c for c, _ in every], sum(count for _, count in every)))
+            told.append(SpreadRows(pattern, [c for c, _ in every], sum(count for _, count in every)))
     return told if comm is None or comm.rank == 0 else None
 
 
-def put_rows(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> list[Told] | None:
+def put_rows(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> list[SpreadRows] | None:
     """Spread the rows of a matrix (n, n) that process 0 has; returns what `keep_rows` does."""
     own = _own_rows(comm, _partitions[what["partition"]], A)
     assert own is not None
@@ -204,7 +204,7 @@ def summed(parts: Sequence[tuple[float, int]], m: int, n: int) -> sp.csr_array:
     return sp.csr_array(total)
 
 
-def scale(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> list[Told] | None:
+def scale(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> list[SpreadRows] | None:
     """Keep max(|A_ij|, √(|A_ii A_jj|)) for the entries of A = Σ c A + R; those of R that are zero count."""
     total, at, roots = _with_rest(comm, what, rest), _partitions[what["partition"]], what["roots"]
     products = np.repeat(roots[at.own], np.diff(total.indptr)) * roots[total.indices]

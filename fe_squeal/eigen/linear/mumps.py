@@ -16,7 +16,7 @@ from ..memory import available_memory, memory_text, require_memory
 from .column_parts import pieces
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
-from .petsc import MumpsOptions, Told, petsc
+from .petsc import MumpsOptions, MumpsReport, petsc
 from .processes import give_up, local_count, new_handle, together
 from .refinement import contraction, refined
 from .scratch import scratch_folder
@@ -78,7 +78,7 @@ class MumpsFactor:
                     f" a smaller number"
                 )
 
-    def _require_disk(self, told: Told) -> None:
+    def _require_disk(self, told: MumpsReport) -> None:
         """Refuse files that cannot fit on this machine's disk, as far as these are known not to be compressed."""
         if not self._options.out_of_core or self._options.low_rank:
             return
@@ -89,7 +89,7 @@ class MumpsFactor:
                 f" {memory_text(free)} are free in {self._options.folder}"
             )
 
-    def _raise(self, told: Told) -> None:
+    def _raise(self, told: MumpsReport) -> None:
         if told.error in _NO_ROOM:
             raise TooLargeError(
                 f"MUMPS: the factors of {self._n} unknowns need about {memory_text(_here(told, self._options))} of"
@@ -199,27 +199,27 @@ def _real_form(A: sp.csr_array) -> sp.csr_array:
     return _sorted(sp.block_array([[A.real, -A.imag], [A.imag, A.real]], format="csr"))
 
 
-def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> Told:
+def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> MumpsReport:
     """Return what the analysis of a real matrix tells, without its factors."""
     return _factorized(A, new_handle(), symmetric, definite, options, analyse_only=True)
 
 
 def _factorized(
     A: sp.csr_array, handle: int, symmetric: bool, definite: bool, options: MumpsOptions, analyse_only: bool
-) -> Told:  # fmt: skip
+) -> MumpsReport:  # fmt: skip
     """Factorise a real matrix on all processes, or analyse it alone; its rows may be there already."""
     where: dict[str, Any] = {}
     here: sp.csr_array | None = A
     if isinstance(A, SpreadMatrix):
         where, here = A.where(), A.rest
-    told: Told = together(
+    told: MumpsReport = together(
         "factorize", here, handle=handle, n=A.shape[0], symmetric=symmetric, definite=definite, options=options,
         analyse_only=analyse_only, **where,
     )  # fmt: skip
     return told
 
 
-def _here(told: Told, options: MumpsOptions = PLAIN) -> int:
+def _here(told: MumpsReport, options: MumpsOptions = PLAIN) -> int:
     """Return the bytes of memory that the processes of this machine take at most."""
     return (told.largest_on_disk if options.out_of_core else told.largest) * local_count()
 
@@ -269,7 +269,7 @@ class Mumps:
         """Return factors of a definite matrix."""
         return MumpsDefinite(A, self.options)
 
-    def told(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> Told:
+    def told(self, A: sp.csr_array, symmetric: bool, definite: bool = False) -> MumpsReport:
         """Return what the analysis of a matrix (n, n), real or complex, tells, without its factors."""
         real = _real_form(A) if np.iscomplexobj(A) else _sorted(A)
         return told_of(real, symmetric and not np.iscomplexobj(A), definite, self.options)

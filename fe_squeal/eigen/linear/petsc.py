@@ -81,7 +81,7 @@ class MumpsOptions:
 
 
 @dataclass(frozen=True)
-class Told:
+class MumpsReport:
     """What MUMPS says of a factorisation, the same on every process.
 
     Attributes
@@ -138,7 +138,7 @@ class PetscMatrix:
         self._kind = "cholesky" if symmetric else "lu"
         self._factor: Any = None
 
-    def factorize(self, options: MumpsOptions, analyse_only: bool = False) -> Told:
+    def factorize(self, options: MumpsOptions, analyse_only: bool = False) -> MumpsReport:
         """Factorise, or analyse alone; files of factors go into `options.folder`, which is this process's own."""
         self._solver = petsc().PC().create(comm=self._matrix.comm)
         self._solver.setOperators(self._matrix)
@@ -166,7 +166,7 @@ class PetscMatrix:
         # Numbers that do not fit into 32 bits are negative, and count millions.
         files = 8 * (entries if entries >= 0 else -(10**6) * entries)
         operations = factor.getMumpsRinfog(_OPERATIONS)
-        return Told(error, negative, zero, here[0], here[1], disk[0], disk[1], files, operations)
+        return MumpsReport(error, negative, zero, here[0], here[1], disk[0], disk[1], files, operations)
 
     def solve(self, b: np.ndarray, transposed: bool) -> tuple[np.ndarray, int]:
         """Return this process's rows (m, k) of A⁻¹ b, or A⁻ᵀ b, for its rows (m, k) of b, and MUMPS' error.

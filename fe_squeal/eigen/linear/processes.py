@@ -25,7 +25,7 @@ from ...errors import InputError, NotConvergedError, TooLargeError
 from ...process.ranks import is_helper, process_count
 from . import column_parts, matrix_parts
 from .column_parts import ends, gathered, scattered
-from .petsc import MumpsOptions, PetscMatrix, Told, petsc
+from .petsc import MumpsOptions, MumpsReport, PetscMatrix, petsc
 from .scratch import own_folder, remove_scratch
 
 _COMMAND, _READY, _END = 7, 8, "end"  # tags of messages to the others, and of the first one from each; the last one
@@ -55,7 +55,7 @@ def _comm() -> Any:
     return MPI.COMM_WORLD
 
 
-def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> Told:
+def _factorize(comm: Any, what: dict[str, Any], A: sp.csr_array | None) -> MumpsReport:
     """Spread the rows over the processes if they are not, and factorise."""
     if "parts" in what:
         rows = matrix_parts.rows_to_factorise(comm, what, A)

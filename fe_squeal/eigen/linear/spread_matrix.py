@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .column_parts import ends, pieces
-from .matrix_parts import Told
+from .matrix_parts import SpreadRows
 from .processes import give_up, new_handle, process_count, together
 
 
@@ -65,10 +65,10 @@ class Part:
     partition : Partition
     handle : int
         Its number, with which the others know it; it is given up with this object.
-    told : Told
+    told : SpreadRows
     """
 
-    def __init__(self, partition: Partition, handle: int, told: Told) -> None:
+    def __init__(self, partition: Partition, handle: int, told: SpreadRows) -> None:
         self.partition, self.handle, self.told = partition, handle, told
 
     @staticmethod
