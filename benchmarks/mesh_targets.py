@@ -102,10 +102,9 @@ def random_pad(seed: int) -> Scene:
     )
 
 
-def cases(count: int, folder: Path) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
-    """Return by name a scene, a target, and the kinds of quantities that are to meet it; meshes are put in a folder."""
+def cases(count: int, imported: Path | None = None) -> dict[str, tuple[Scene, float, tuple[str, ...]]]:
+    """Return by name a scene, a target, and the kinds of quantities that are to meet it; without a mesh one less."""
     onsets = ("onsets",)
-    imported = write_chamfered(folder / "chamfered.msh", FILE)
     found = {
         "soft pad on a belt": (belt_scene(materials=SOFT), 0.02, KINDS),
         "thin pad on a belt": (thin_pad(), 0.05, KINDS),
@@ -113,13 +112,16 @@ def cases(count: int, folder: Path) -> dict[str, tuple[Scene, float, tuple[str, 
         "disc with two pads, onsets": (brake_scene(), 0.02, onsets),
         "disc with one long pad, onsets": (one_long_pad(), 0.05, onsets),
         "disc with two pads, damped, onsets": (brake_scene(effects=DAMPED), 0.05, onsets),
-        "tetrahedra from a file, chamfers and slots": (chamfered_scene(imported), 0.05, KINDS),
     }
+    if imported is not None:
+        found["tetrahedra from a file, chamfers and slots"] = chamfered_scene(imported), 0.05, KINDS
     found |= {f"random pad {seed}": (random_pad(seed), 0.03, KINDS) for seed in range(count)}
     return found | {f"random brake {seed}, onsets": (random_brake(seed), 0.1, onsets) for seed in range(count)}
 
 
-def reach(folder: Path, name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS) -> dict[str, Any]:
+def reach(
+    name: str, scene: Scene, target: float, kinds: tuple[str, ...] = KINDS, folder: Path = Path()
+) -> dict[str, Any]:  # fmt: skip
     """Return the mesh that was found for a target, what it cost, and its true errors; meshes are put in a folder."""
     start = time.perf_counter()
     print(name, file=sys.stderr)
@@ -188,10 +190,11 @@ def main() -> None:
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
     found, missing = [], []
-    for name, case in cases(given.random, given.folder).items():
+    imported = write_chamfered(given.folder / "chamfered.msh", FILE)
+    for name, case in cases(given.random, imported).items():
         path = given.folder / f"{name.replace(' ', '_').replace(',', '').replace('%', 'percent')}.json"
         if not path.exists() and (given.only is None or name in given.only):
-            path.write_text(json.dumps(reach(given.folder, name, *case)), encoding="utf-8")
+            path.write_text(json.dumps(reach(name, *case, given.folder)), encoding="utf-8")
         if path.exists():
             found.append(json.loads(path.read_text(encoding="utf-8")))
         else:

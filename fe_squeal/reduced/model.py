@@ -138,7 +138,7 @@ class ReducedModel(BegunModel):
         model.linear_solver = choose(linear_solver)
         model.problem = problem = problem.solved_with(model.linear_solver)
         model.parameter, model.request = parameter, request
-        model._start, model._is_made, model.is_modal = numbers["start"], True, numbers.get("modal", False)
+        model._start, model._is_made, model.is_modal = numbers["start"], True, numbers["modal"]
         model._know_nothing(problem, True)
         model._met = {place: (size, count) for place, (size, count) in numbers["met"]}
         between = numbers["between"]

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import chamfered
 import mesh_targets as page
+import numpy as np
 import pytest
+from chamfered import chamfered_scene, write_chamfered
+from scipy.integrate import quad
 
+import fe_squeal
 from fe_squeal.accuracy.settings import own_setting, scene_at
+from fe_squeal.assembly.bodies import read_mesh
+from fe_squeal.mesh.measures import area_of
 
 
 def test_scenes_differ_and_can_be_made_finer():
@@ -34,3 +41,23 @@ def test_a_row():
     found = page.reach("soft pad", scene, 0.05)
     assert found["true"] <= found["bar"] <= 0.05 and found["unknowns"] >= found["first"]
     assert page.row(found).count("|") == page.PAGE.partition("|---|")[0].splitlines()[-1].count("|")
+
+
+@pytest.mark.slow
+def test_the_mesh_from_a_file_has_chamfers_and_slots(tmp_path):
+    """The faces of its pads are sectors without the strips of slot and chamfers, to what parabolas make of arcs; bodies
+    touch there and have no node in common."""
+    scene = chamfered_scene(write_chamfered(tmp_path / "chamfered.msh", 0.03))
+    loaded = read_mesh(scene)
+
+    inner, outer = chamfered.PAD_INNER, chamfered.PAD_OUTER
+
+    def strip(low, high):
+        return quad(lambda y: np.sqrt(outer**2 - y**2) - np.sqrt(inner**2 - y**2), low, high)[0]
+
+    whole = chamfered.ANGLE / 2 * (outer**2 - inner**2)
+    half = chamfered.SLOT / 2
+    area = whole - strip(-half, half) - 2 * strip(0, chamfered.CHAMFER)
+    for name in ("pad_face_1", "pad_face_2"):
+        assert area_of(loaded.mesh, loaded.mesh.boundaries[name])[0] == pytest.approx(area, rel=2e-3)
+    assert fe_squeal.assemble(scene, loaded).unknowns > 3000

@@ -15,7 +15,7 @@ from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
 from fe_squeal.report.branches import collect_branches
 from fe_squeal.report.growth import growth_curves
-from fe_squeal.sweep import refined
+from fe_squeal.sweep import roots
 
 KINDS = ("undamped", "damped", "gyroscopic")
 _DAMPING = 0.05
@@ -170,7 +170,7 @@ def bisected(monkeypatch):
         raise NotConvergedError("not today")
 
     for name in ("find_zero", "find_crossing", "find_coalescence"):
-        monkeypatch.setattr(refined, name, fails)
+        monkeypatch.setattr(roots, name, fails)
 
 
 def growth_at(problem, value, hz):
