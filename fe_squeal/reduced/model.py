@@ -29,6 +29,7 @@ from .missing import holds_all
 from .mode_corrections import ModeCorrections
 from .shapes import corrected_shapes
 
+_FOLLOWED = 1e-8  # of |λ|: errors of a projection up to here count as rounding where modes are followed
 _TRIED = 3  # values at which the number of modes is looked at before all others
 _SOFT = 4  # times that modes are looked for which are soft far from the start, each on the basis with those before
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
@@ -191,14 +192,18 @@ class ReducedModel(BegunModel):
         return self._estimated(value)[0]
 
     def own_modes(self, value: Place) -> Modes:
-        """Return the same modes as those of the projected problem itself, uncertain by rounding alone.
+        """Return the same modes as those of the projected problem itself, hardly more uncertain than by rounding.
 
         Of these it is known which are stable and where two of them meet. Of those of the problem it may not be: the
-        error of a modal projection, or of one with a large tolerance, may exceed growth rates.
+        error of a modal projection, or of one with a large tolerance, may exceed growth rates. What it would be with a
+        tolerance of `_FOLLOWED` stays: by so much a projection may part the modes of equal parts of a brake.
         """
         modes, _, relative = self._estimated(value)
-        error = relative * error_scale(modes, self.highest)
-        return replace(modes, re_uncertainty=np.maximum(modes.re_uncertainty - error, 0.0))
+        share = min(1.0, _FOLLOWED / self.request.tolerance)
+        kept = np.minimum(relative, _FOLLOWED) if self.is_modal else share * relative
+        scale = error_scale(modes, self.highest)
+        rounding = np.maximum(modes.re_uncertainty - relative * scale, 0.0)
+        return replace(modes, re_uncertainty=rounding + kept * scale)
 
     def counted(self) -> bool | None:
         """Return whether the basis holds all modes without damping and friction up to `highest`, by the inertia.

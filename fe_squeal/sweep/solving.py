@@ -132,7 +132,7 @@ class ValueSolver:
     def modes(self, value: float, before: Modes | None) -> Modes:
         """Return the modes at a value, those asked for and some more.
 
-        Those of a reduced model are followed as the modes of its projected problem, uncertain by rounding alone:
+        Those of a reduced model are followed as the modes of its projected problem, see `ReducedModel.own_modes`:
         `point` reports them with the errors of the projection, and each onset has its own.
 
         Parameters
