@@ -50,6 +50,11 @@ class Roots:
 
         It does if the root of the step model is between the samples of the change or close to them, or `_is_alone`, and
         the root of the problem has the same mode or is there too.
+
+        Raises
+        ------
+        NotConvergedError
+            Newton's method fails, or leaves the step or the interval of the change, or bisection is better for its kind.
         """
         if change.kind == "meeting" and not self.step.in_theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
