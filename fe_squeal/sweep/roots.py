@@ -54,7 +54,7 @@ class Roots:
         Raises
         ------
         NotConvergedError
-            Newton's method fails, or leaves the step or the interval of the change, or bisection is better for its kind.
+            Newton's method fails, or leaves the step or the interval of the change, or bisection is better.
         """
         if change.kind == "meeting" and not self.step.in_theta:
             raise NotConvergedError("two λ that meet on the imaginary axis: left to bisection")
