@@ -210,8 +210,10 @@ def along(errors: Errors, m: Measurement, best: Measurement) -> Errors:
         frequency.extend((np.abs(off.imag) / np.abs(true[rows]))[counted])
         growing = counted & (grows(true[rows], limit) | (found[columns].real > _ROUNDING * limit))
         growth.extend(np.abs(off.real)[growing])
-        missed = np.delete(true, rows)
+        missed, more = np.delete(true, rows), np.delete(found, columns)
+        frequency.extend(1.0 for lam in missed if 0 < lam.imag <= limit)
         growth.extend(missed.real[grows(missed, limit)])
+        growth.extend(more.real[grows(more, limit)])
     most = max(growth, default=0.0) / fastest if fastest > _ROUNDING * limit else np.nan
     return Errors(float(np.nanmax(frequency)), float(np.fmax(most, errors.growth)), errors.onset)
 

@@ -30,6 +30,7 @@ from .mode_corrections import ModeCorrections
 from .shapes import corrected_shapes
 
 _FOLLOWED = 1e-8  # of |λ|: errors of a projection up to here count as rounding where modes are followed
+_COPY = 1e-6  # of |λ|: two modes that are closer at the start may be those of equal parts of a brake
 _TRIED = 3  # values at which the number of modes is looked at before all others
 _SOFT = 4  # times that modes are looked for which are soft far from the start, each on the basis with those before
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
@@ -196,8 +197,11 @@ class ReducedModel(BegunModel):
 
         Of these it is known which are stable and where two of them meet. Of those of the problem it may not be: the
         error of a modal projection, or of one with a large tolerance, may exceed growth rates. What it would be with a
-        tolerance of `_FOLLOWED` stays: by so much a projection may part the modes of equal parts of a brake.
+        tolerance of `_FOLLOWED` stays: by so much a projection may part the modes of equal parts of a brake. Where most
+        modes are those of equal parts, which any error parts, all of it stays.
         """
+        if self._has_copies:
+            return self.modes(value)
         modes, _, relative = self._estimated(value)
         share = min(1.0, _FOLLOWED / self.request.tolerance)
         kept = np.minimum(relative, _FOLLOWED) if self.is_modal else share * relative
@@ -214,6 +218,16 @@ class ReducedModel(BegunModel):
         counted = holds_all(self._without, self.highest, self.basis.base(self._sigma), self.linear_solver)
         self._corrections.factorizations += counted is not None
         return counted
+
+    @cached_property
+    def _has_copies(self) -> bool:
+        """Whether most modes at the start are equal to others, as of equal pads."""
+        lam = self._estimated(self._start)[0].lam
+        lam = lam[lam.imag > 0]
+        apart = np.abs(lam[:, None] - lam)
+        np.fill_diagonal(apart, np.inf)
+        equal = apart.min(axis=1, initial=np.inf) <= _COPY * np.abs(lam)
+        return bool(2 * np.count_nonzero(equal) > len(lam))
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors (r,) or (r, k) of the reduced model as vectors (n,) or (n, k) of the problem."""

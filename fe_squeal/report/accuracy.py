@@ -33,14 +33,14 @@ def plot_accuracy(frame: pd.DataFrame, own: Mapping[str, float], path: Path, tit
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    shown = [q for q in QUANTITIES if (frame[q].fillna(0) > _FLOOR).any()]
+    shown = [q for q in QUANTITIES if (np.nan_to_num(charted(frame, q)) > _FLOOR).any()]
     figure = Figure(figsize=(4.6 * max(1, len(shown)), 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, quantity in zip(np.atleast_1d(figure.subplots(1, max(1, len(shown)))), shown, strict=False):
-        for line, rows in lines_of(frame[frame[quantity] > _FLOOR]):
+        for line, rows in lines_of(frame[charted(frame, quantity) > _FLOOR]):
             rows = rows.sort_values(["size", "modes", "tolerance"])
             axes.loglog(rows["seconds"], charted(rows, quantity), marker=line.mark, ms=5, lw=1, label=line.label)
-        front = frame[pareto(frame, quantity) & (frame[quantity] > _FLOOR)].sort_values("seconds")
+        front = frame[pareto(frame, quantity) & (charted(frame, quantity) > _FLOOR)].sort_values("seconds")
         axes.loglog(
             front["seconds"], charted(front, quantity), ls="none", marker="o", ms=12, mfc="none", mec="0.3",
             label="Pareto front",

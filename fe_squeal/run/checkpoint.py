@@ -37,7 +37,7 @@ _SHARE = 0.03  # of the time: writing takes no more, so that values that are sol
 _JSON = "json"  # name of the array that contains, as JSON text, everything that is not an array
 # Number of the layout of these files. A checkpoint with another number is refused, so raise it whenever a name, a unit
 # or a meaning in the files changes.
-LAYOUT = 10
+LAYOUT = 11
 
 
 class Checkpoint:

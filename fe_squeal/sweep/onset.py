@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+_VAGUE = 0.5  # of the step between values: an onset that is less certain may be between others
 _EQUAL = 1e-8  # of values and of frequencies: onsets of equal parts of a brake differ by less
 
 
@@ -94,3 +96,35 @@ class Onset:
         alike = (self.kind, self.direction) == (other.kind, other.direction)
         near = abs(self.frequency_hz - other.frequency_hz) <= _EQUAL * self.frequency_hz
         return alike and near and abs(self.value - other.value) <= unsure
+
+
+def certified(
+    onsets: Iterable[Onset], parameter: str, values: Sequence[float], ends: tuple[float, float]
+) -> tuple[tuple[Onset, ...], list[str], list[str]]:  # fmt: skip
+    """Return the onsets of the problem itself, ascending, and sentences: about those left out, and about vague ones.
+
+    Parameters
+    ----------
+    onsets : iterable of Onset
+        Those of the reduced model that is followed, or of the problem.
+    parameter : str
+        Its name.
+    values : sequence of float
+        The values of the sweep, ascending.
+    ends : (float, float)
+        Between these, onsets are listed: one of the reduced model just inside may be outside on the problem itself.
+    """
+    width = (values[-1] - values[0]) / (len(values) - 1) if len(values) > 1 else 0.0
+    found = sorted((o.certified() for o in onsets), key=lambda o: o.value)
+    inside = [o for o in found if ends[0] <= o.value + o.uncertainty and o.value - o.uncertainty <= ends[1]]
+    outside = [
+        f"an onset near {o.frequency_hz:.5g} Hz is at {parameter} = {o.value:.8g} and not listed: it lies outside of"
+        " the sweep, within which a reduced model had it"
+        for o in found if o not in inside
+    ]
+    vague = [
+        f"the onset at {parameter} = {o.value:.5g} is uncertain by {o.uncertainty:.2g}, where values are {width:.2g}"
+        " apart: its reduced model is off by so much, which a smaller solve.tolerance would mend"
+        for o in inside if o.uncertainty > _VAGUE * width > 0
+    ]
+    return tuple(inside), outside, vague

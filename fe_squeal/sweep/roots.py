@@ -174,12 +174,14 @@ class Roots:
         exact: Root | None = whole
         if self.precise or not reduced.is_modal:
             exact = None if self.precise else self._sharpened(newton, root)
+            if exact is not None and not self._is_same(root, exact):
+                exact = None
         if exact is None:
             x, y = (reduced.lift(v) for v in (root.right, root.left))
             exact = newton(step.full, root.value, x, y)
             if not _is_one_shape(x, exact.right, step.full.mass):
                 raise NotConvergedError("Newton's method found another mode")
-        if abs(exact.value - root.value) > _MOVED * step.width:
+        if abs(exact.value - root.value) > max(_MOVED * step.width, error):
             raise NotConvergedError("Newton's method left the step")
         return replace(root, uncertainty=root.uncertainty + rounding, exact=exact), same
 
@@ -223,6 +225,11 @@ class Roots:
     def _sharper(self) -> SharperModel:
         assert self.step.reduced_model is not None
         return SharperModel(self.step.reduced_model)
+
+    def _is_same(self, root: Root, exact: Root) -> bool:
+        """Return whether a root of the sharper model has the mode of one of the reduced model."""
+        first = self._sharper.padded(root.right)
+        return _is_one_shape(first, self._sharper.padded(exact.right), self._sharper.problem.mass)
 
     def _sharpened(self, newton: _Newton, root: Root) -> Root | None:
         """Return a root of the reduced model that corrections of its mode make as certain as `_SURE`; None if not so.

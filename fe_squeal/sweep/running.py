@@ -18,7 +18,7 @@ from ..problem.problem import Problem
 from .balance import Census, entered, unbalanced
 from .clock import Clock
 from .doubts import without_narrow_windows
-from .onset import Onset
+from .onset import Onset, certified
 from .onsets import Found, find_step_onsets
 from .point import SweepPoint
 from .result import Sweep
@@ -119,7 +119,8 @@ class RunningSweep:
         for middle, pair in windows(self.onsets, last, value):
             self.points.append(self._window(middle, pair))
         self.points.append(self._solver.point(value, modes, branches, keep_all))
-        if before >= self.told.of_steps():  # else an onset of this step that was not refined may be its own
+        is_modal = self._solver.model is not None and self._solver.model.is_modal  # whose points may hide growth
+        if before >= self.told.of_steps() and not is_modal:  # else an onset that was not refined may be its own
             self.told.of_onsets(*entered(self.parameter, self.points, self.onsets))
         if rate := self._solver.growth_beyond(value, modes):
             self.told.beyond_losses(value, rate)
@@ -313,10 +314,11 @@ class RunningSweep:
 
     def result(self) -> Sweep:
         """Return the result so far."""
-        onsets = tuple(sorted((o.certified() for o in self.onsets), key=lambda o: o.value))
+        ends = float(self._values[0]), float(self._values[-1])
+        onsets, outside, vague = certified(self.onsets, self.parameter, self._values.tolist(), ends)
         return Sweep(
             self.problem, self.parameter, tuple(self.points), onsets, self.completeness, dict(self._clock.seconds),
-            tuple(self.told.warnings), self._solver.model, self.window, tuple(self.told.unsettled),
+            (*self.told.warnings, *outside, *vague), self._solver.model, self.window, (*self.told.unsettled, *vague),
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray, halved: bool) -> Found:

@@ -14,7 +14,7 @@ from ..eigen.request import Completeness
 from ..eigen.unsearched import Unsearched
 from ..problem.problem import Problem
 from .doubts import Doubt
-from .onset import Onset
+from .onset import Onset, certified
 from .point import LiftedShapes, SweepPoint
 from .result import Sweep
 from .told import Left
@@ -92,10 +92,11 @@ class SweepState:
 
     def sweep(self, problem: Problem, parameter: str) -> Sweep:
         """Return the result so far, from which tables of modes and onsets can be made."""
-        onsets = tuple(sorted((o.certified() for o in self.onsets), key=lambda o: o.value))
+        values = [point.value for point in self.points if not point.between]
+        onsets, _, vague = certified(self.onsets, parameter, values, (-np.inf, np.inf))
         return Sweep(
-            problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), self.warnings,
-            window=self.window, unsettled=self.unsettled,
+            problem, parameter, self.points, onsets, self.completeness, dict(self.seconds), (*self.warnings, *vague),
+            window=self.window, unsettled=(*self.unsettled, *vague),
         )  # fmt: skip
 
 
@@ -171,11 +172,15 @@ def record_of_state(state: SweepState) -> Record:
     return Record(modes.arrays | branches, modes.data | data)
 
 
+def _onset(data: dict[str, Any]) -> Onset:
+    return Onset(**data | {"exact": None if data["exact"] is None else tuple(data["exact"])})
+
+
 def state_of_record(record: Record, first: Modes, points: tuple[SweepPoint, ...]) -> SweepState:
     """Return the state that `record_of_state` made a record of, with its points and first modes."""
     a, data = record
     return SweepState(
-        points, tuple(Onset(**o) for o in data["onsets"]), tuple(data["warnings"]),
+        points, tuple(_onset(o) for o in data["onsets"]), tuple(data["warnings"]),
         Completeness(**data["completeness"]), data["seconds"], first, modes_of_record(record), a["first_branches"],
         a["branches"], data["next_branch"], data["start"], data["value"], data["reduced"], data["window"],
         tuple(data["unsettled"]), None if data["doubt"] is None else Doubt(**data["doubt"]),

@@ -224,15 +224,16 @@ def test_equal_blocks_on_a_belt_are_in_no_doubt(method):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["direct", "reduced"])
-def test_onsets_of_equal_blocks_are_those_of_one_alone(method):
+@pytest.mark.parametrize(("method", "tolerance"), [("direct", 1e-8), ("reduced", 1e-8), ("reduced", 1e-4)])
+def test_onsets_of_equal_blocks_are_those_of_one_alone(method, tolerance):
     """Projections of a step couple the blocks slightly, and part their eigenvalues by more than rounding does."""
     stiff = {"youngs_modulus": 1.0587e9, "above": 1.2371e8, "behind": 1.2077e7, "inclined": 0.46979}
     stiff["contact"] = 3.413e11
 
     def swept(number):
         problem = fe_squeal.assemble(fe_squeal.parse_scene(blocks(number, **stiff)))
-        return fe_squeal.sweep(problem, np.linspace(0, 1.2, 7)[:3], max_frequency=11500, method=method)
+        values, wanted = np.linspace(0, 1.2, 7)[:3], {"max_frequency": 11500, "tolerance": tolerance}
+        return fe_squeal.sweep(problem, values, method=method, **wanted)
 
     one, both = swept(1), swept(2)
     assert len(one.onsets) == 2 and not both.warnings

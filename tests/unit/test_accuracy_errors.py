@@ -60,7 +60,9 @@ def test_errors_on_the_same_mesh_are_the_largest_along_the_sweep():
     swept = along(errors, found, best)
     assert (swept.frequency, swept.growth) == pytest.approx((1 / abs(8 + 100j), 0.4))
     lost = replace(best, lam=np.delete(best.lam, 0, axis=1))  # the growing mode is not found at all
-    assert along(errors, lost, best).growth == 1.0
+    assert (along(errors, lost, best).growth, along(errors, lost, best).frequency) == (1.0, 1.0)
+    extra = replace(best, lam=np.column_stack([best.lam, np.full(3, 5 + 200j)]))  # one that should not be there
+    assert along(errors, extra, best).growth == 0.5
     still = replace(best, lam=1j * best.lam.imag)  # nothing grows in either
     assert np.isnan(along(errors_of(still, as_reference(still)), still, still).growth)
 
