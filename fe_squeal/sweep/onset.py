@@ -114,8 +114,8 @@ def certified(
     ends : (float, float)
         Between these, onsets are listed: one of the reduced model just inside may be outside on the problem itself.
     """
-    width = (values[-1] - values[0]) / (len(values) - 1) if len(values) > 1 else 0.0
-    found = sorted((o.certified() for o in onsets), key=lambda o: o.value)
+    pairs = sorted(((o.certified(), o.exact is not None) for o in onsets), key=lambda pair: pair[0].value)
+    found = [o for o, _ in pairs]
     inside = [o for o in found if ends[0] <= o.value + o.uncertainty and o.value - o.uncertainty <= ends[1]]
     outside = [
         f"an onset near {o.frequency_hz:.5g} Hz is at {parameter} = {o.value:.8g} and not listed: it lies outside of"
@@ -123,8 +123,16 @@ def certified(
         for o in found if o not in inside
     ]
     vague = [
-        f"the onset at {parameter} = {o.value:.5g} is uncertain by {o.uncertainty:.2g}, where values are {width:.2g}"
-        " apart: its reduced model is off by so much, which a smaller solve.tolerance would mend"
-        for o in inside if o.uncertainty > _VAGUE * width > 0
+        f"the onset at {parameter} = {o.value:.5g} is uncertain by {o.uncertainty:.2g}, more than half the distance of"
+        " the values around it: its reduced model may be off by so much"
+        for o, is_reduced in pairs if is_reduced and o in inside and o.uncertainty > _VAGUE * _step(values, o.value) > 0
     ]
     return tuple(inside), outside, vague
+
+
+def _step(values: Sequence[float], value: float) -> float:
+    """Return the distance of the two of some values that are on both sides of a value; 0 where there is one alone."""
+    if len(values) < 2:
+        return 0.0
+    behind = int(np.clip(np.searchsorted(values, value), 1, len(values) - 1))
+    return float(values[behind] - values[behind - 1])
