@@ -10,6 +10,7 @@ from .pencil import Pencil
 # Entries of assembled matrices are sums of some tens of rounded products.
 ROUNDING = 8 * np.finfo(float).eps
 _EQUAL = 1e-9  # relative distance below which eigenvalues count as one multiple eigenvalue
+_COPY = 1e-6  # of |λ|: two that are closer may be those of equal parts of a brake
 _ONE_SHAPE = 64 * ROUNDING  # squared sine of the angle between two modes below which they are one shape
 _SPANNING = 32  # of the modes near another one, those most alike: as many are looked at together, at little cost
 _NEARLY_REAL = 1e-6  # Im λ over |λ| up to which a complex pair may be two equal real eigenvalues, split by rounding
@@ -18,6 +19,19 @@ _NEARLY_REAL = 1e-6  # Im λ over |λ| up to which a complex pair may be two equ
 _APART, _PERHAPS = 1e-6, 1e-12
 _MARGIN = 64  # times the rounding of a single sum: what counts as rounding of several
 _EXACT = 1e-11  # backward error below which a single vector is a mode by itself
+
+
+def have_copies(lam: np.ndarray) -> np.ndarray:
+    """Return (k,) bool, which λ (k,) are equal to others: as of equal pads, where one mode is as good as another.
+
+    Examples
+    --------
+    >>> have_copies(np.array([1j, 2j, 2.0000001j, 3j])).tolist()
+    [False, True, True, False]
+    """
+    apart = np.abs(lam[:, None] - lam)
+    np.fill_diagonal(apart, np.inf)
+    return np.asarray(apart.min(axis=1, initial=np.inf) <= _COPY * np.abs(lam))
 
 
 def unit_mass(pencil: Pencil, right: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.blocks import lift
 from ..eigen.linear.choice import choose
 from ..eigen.linear.factor import Factor, LinearSolver
+from ..eigen.multiple import have_copies
 from ..eigen.pencil import Modes
 from ..eigen.request import Request, is_needed
 from ..errors import NotConvergedError
@@ -30,7 +31,6 @@ from .mode_corrections import ModeCorrections
 from .shapes import corrected_shapes
 
 _FOLLOWED = 1e-8  # of |λ|: errors of a projection up to here count as rounding where modes are followed
-_COPY = 1e-6  # of |λ|: two modes that are closer at the start may be those of equal parts of a brake
 _TRIED = 3  # values at which the number of modes is looked at before all others
 _SOFT = 4  # times that modes are looked for which are soft far from the start, each on the basis with those before
 _CROWD = 0.25  # of the modes that the basis begins with: more overdamped ones are a crowd
@@ -223,11 +223,8 @@ class ReducedModel(BegunModel):
     def _has_copies(self) -> bool:
         """Whether most modes at the start are equal to others, as of equal pads."""
         lam = self._estimated(self._start)[0].lam
-        lam = lam[lam.imag > 0]
-        apart = np.abs(lam[:, None] - lam)
-        np.fill_diagonal(apart, np.inf)
-        equal = apart.min(axis=1, initial=np.inf) <= _COPY * np.abs(lam)
-        return bool(2 * np.count_nonzero(equal) > len(lam))
+        equal = have_copies(lam[lam.imag > 0])
+        return bool(2 * np.count_nonzero(equal) > len(equal))
 
     def lift(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors (r,) or (r, k) of the reduced model as vectors (n,) or (n, k) of the problem."""

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..eigen.linear.factor import LinearSolver
+from ..eigen.multiple import have_copies
 from ..eigen.pencil import Modes
 from ..eigen.request import Completeness, Request, wanted_count
 from ..errors import NotConvergedError
@@ -32,7 +33,6 @@ from .windows import two_mode_value, windows
 _INSIDE = 0.95  # of the highest frequency reported: an onset below this is reported whatever its branches are
 _BESIDE = 1 / 8  # of a step: a critical value of the sweep itself is passed from so far before it to so far behind it
 _EDGES = 1e-4, 1e-2, _BESIDE  # of a step: so near to the ends of a sweep that are critical modes are followed, if known
-_COPY = 1e-6  # of |λ|: two that are closer may be those of equal parts of a brake
 _SLOW = 1e-6  # of the largest |λ|, far above the square root of a rounding: what rounding has made of λ = 0 is smaller
 _REFINEMENTS = 4  # halvings of a step, at most, while it is not clear which mode continues which
 
@@ -289,7 +289,7 @@ class RunningSweep:
                 self.onsets = self.told.absorbed(self.onsets, self._start, value)
                 self.window = max(self.window, found.width)
                 unclear = np.flatnonzero(match.doubtful[: wanted_count(modes, self.request)])
-                unclear = unclear[~_have_copies(modes.lam)[unclear] & (modes.lam[unclear].imag > 0)]
+                unclear = unclear[~have_copies(modes.lam)[unclear] & (modes.lam[unclear].imag > 0)]
                 if len(unclear):
                     self.told.unclear_branches(self._value, value, modes.lam[unclear].imag)
                 self._next_branch = next(names)
@@ -364,12 +364,6 @@ class RunningSweep:
         if imbalance and not found.warnings:
             found.tell(imbalance, name, halved)
         return replace(found, onsets=onsets)
-
-def _have_copies(lam: np.ndarray) -> np.ndarray:
-    """Return (k,) bool, which λ (k,) are equal to others: as of equal pads, and one branch is as good as another."""
-    apart = np.abs(lam[:, None] - lam)
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray(apart.min(axis=1, initial=np.inf) <= _COPY * np.abs(lam))
 
 
 def _at_rest(modes: Modes) -> int:
