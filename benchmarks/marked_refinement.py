@@ -24,8 +24,8 @@ from planes import on_plane
 import fe_squeal
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.solve import solve_modes
-from fe_squeal.fem.element_matrices import scatter
 from fe_squeal.fem.materials import Elasticity, elasticity
+from fe_squeal.fem.node_sums import scatter
 from fe_squeal.fem.spaces import DisplacementSpace
 from fe_squeal.fem.stress import element_stress
 from fe_squeal.mesh import LoadedMesh, from_skfem

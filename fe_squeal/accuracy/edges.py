@@ -25,15 +25,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from skfem.quadrature import get_quadrature
 
 from ..assembly.assembly import Assembly
 from ..assembly.places import held_places, holding
 from ..effects.ties import Averaged
-from ..fem.facets import facet_edges
+from ..fem.facets import facet_edges, facet_points
 from ..fem.places import nodes_there
 from ..mesh import LoadedMesh
 from ..mesh.groups import find_facets
-from ..mesh.measures import area_of
 from ..mesh.node_sets import find_nodes
 
 _INWARDS = 20.0  # degrees: an angle between facets that is larger than 180° by more than this turns inwards
@@ -47,6 +47,7 @@ _HARD = 2.0
 # Times a body's modulus: that of a far stiffer one. For its right angle on that one's flat surface, without friction, α
 # is then 0.96 and more.
 _STIFFER = 10.0
+_DEGREE = 2  # of the quadrature of areas, which need be known to some per cent
 _AXES = "xyz"
 _NORMAL, _ELASTIC = 8, 16  # bits: held along the own normal; in hard contact with a body of similar stiffness
 
@@ -199,7 +200,8 @@ def _hard_contacts(assembly: Assembly) -> Iterator[tuple[np.ndarray, int]]:
         moduli = [float(modulus[mesh.f2t[0, facets]].min()) for facets in sides]
         others = moduli[::-1] if len(sides) == 2 else [np.inf]
         for facets, own, other in zip(sides, moduli, others, strict=True):
-            size = np.sqrt(area_of(mesh, facets)[0] / len(facets))
+            points = facet_points(mesh, mesh.elem(), facets, get_quadrature(mesh.brefdom, _DEGREE))
+            size = np.sqrt(points.areas.sum() / len(facets))
             if part.normal_stiffness * size > _HARD * own:
                 holds = 7 if part.kind == "tied" else _NORMAL
                 yield facets[_covered(mesh.facets[:, facets], touching)], holds if other > _STIFFER * own else _ELASTIC

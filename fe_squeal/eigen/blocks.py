@@ -54,7 +54,7 @@ def times(A: sp.csr_array, X: np.ndarray) -> np.ndarray:
 
     X = np.ascontiguousarray(X)  # or SciPy makes a copy of it in each thread
     out = np.empty((A.shape[0], *X.shape[1:]), np.result_type(A.dtype, X))
-    if X.ndim > 1 and X.shape[1] > 1 and multiply(A, X, out):
+    if multiply(A, X.reshape(len(X), -1), out.reshape(len(out), -1)):
         return out
 
     def part(rows: slice) -> None:

@@ -13,11 +13,12 @@ from skfem.refdom import RefTet
 from ..eigen.threads import one_openblas_thread
 from .bubbles import bubble_functions
 from .cells import cell_points, shape_functions
+from .node_sums import NodeSums, scatter
 from .pressures import pressure_functions
 from .spaces import DisplacementSpace
 
-_BYTES_PER_CHUNK = 2e8  # size of the element matrices held at once
-_AT_ONCE = 64  # elements whose stresses are held at once: they are larger than the matrices, and stay in the cache so
+_BYTES_PER_CHUNK = 5e8  # size of the element matrices held at once
+_AT_ONCE = 16  # elements whose stiffness is computed at once, so that what it is made of stays in the cache
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,11 @@ def element_shapes(space: DisplacementSpace, elements: np.ndarray) -> Iterator[E
 
 def scatter_scalar(space: DisplacementSpace, blocks: np.ndarray, nodes: np.ndarray) -> sp.csr_array:
     """Return the (n, n) matrix of a form that acts on each component alike, from its element blocks (e, j, j)."""
-    scalar = scatter(blocks, nodes, space.functions)
-    return space.restricted(sp.kron(scalar, sp.eye_array(3), format="csr"))
+    return _alike(space, NodeSums(nodes, space.functions, space.moving), blocks)
+
+
+def _alike(space: DisplacementSpace, sums: NodeSums, blocks: np.ndarray) -> sp.csr_array:
+    return space.restricted(sp.kron(sums.scalar(blocks), sp.eye_array(3), format="csr"), space.moving)
 
 
 def assemble_elasticity(
@@ -93,7 +97,9 @@ def assemble_elasticity(
     K, M : (n, n) sparse, N/m and kg
     """
     K, M = sum_elements(space, elements, stiffness, density, lame)
-    # Rounding in the products leaves an asymmetry of some ulps that would hide the true class of the problem.
+    if space.selects:
+        return K, M
+    # Rounding in products with ties leaves an asymmetry of some ulps that would hide the true class of the problem.
     return symmetrised(K), symmetrised(M)
 
 
@@ -101,24 +107,28 @@ def assemble_elasticity(
 def sum_elements(
     space: DisplacementSpace, elements: np.ndarray, stiffness: np.ndarray, density: float, lame: float = 0.0
 ) -> tuple[sp.csr_array, sp.csr_array]:
-    """Return what `assemble_elasticity` does of elements (e,), (n, n) each and symmetric but for rounding."""
-    K = M = sp.csr_array((space.unknowns, space.unknowns))
+    """Return what `assemble_elasticity` does of elements (e,), (n, n) each and symmetric but for rounding by ties."""
+    K = M = None
     for shapes in element_shapes(space, elements):
         N, dN, t = shapes.values, shapes.gradients, shapes.nodes
         e, nodes = t.shape
-        block = np.concatenate([
-            _stiffness(stiffness, dN[first : first + _AT_ONCE], shapes.dx[first : first + _AT_ONCE])
-            for first in range(0, e, _AT_ONCE)
-        ])  # fmt: skip
+        block = np.empty((e, nodes, nodes, 3, 3))
+        for first in range(0, e, _AT_ONCE):
+            own = slice(first, first + _AT_ONCE)
+            block[own] = _stiffness(stiffness, dN[own], shapes.dx[own])
         if lame:
             P = pressure_functions(shapes.points, shapes.dx, space.order)
             div = np.einsum("eiq,ejaq->ejai", P * shapes.dx[:, None], dN, optimize=True).reshape(e, 3 * nodes, -1)
-            block += lame * div @ np.swapaxes(div, 1, 2)
+            added = (lame * div @ np.swapaxes(div, 1, 2)).reshape(e, nodes, 3, nodes, 3)
+            block += np.swapaxes(added, 2, 3)
+            block = (block + np.transpose(block, (0, 2, 1, 4, 3))) / 2
         mass = (N * (density * shapes.dx)[:, None, :]) @ np.transpose(N, (0, 2, 1))
-        t3 = (3 * t[:, :, None] + np.arange(3)).reshape(e, -1)
-        K = K + space.restricted(scatter(block, t3, 3 * space.functions))
-        M = M + scatter_scalar(space, mass, t)
-    return K, M
+        sums = NodeSums(t, space.functions, space.moving)
+        own_K = space.restricted(sums.vector(block), space.moving)
+        own_M = _alike(space, sums, (mass + np.transpose(mass, (0, 2, 1))) / 2)
+        K, M = (own_K, own_M) if K is None else (K + own_K, M + own_M)
+    empty = sp.csr_array((space.unknowns, space.unknowns))
+    return (empty, empty) if K is None else (K, M)
 
 
 def sum_mass(space: DisplacementSpace, elements: np.ndarray, components: np.ndarray) -> sp.csr_array:
@@ -141,13 +151,18 @@ def nodal_mass(space: DisplacementSpace, elements: np.ndarray) -> sp.csr_array:
 
 
 def _stiffness(stiffness: np.ndarray, dN: np.ndarray, dx: np.ndarray) -> np.ndarray:
-    """Return ∫ ∂_b N_I C_abcd ∂_d N_J (e, 3j, 3j) from gradients dN (e, j, 3, q) and weights dx (e, q)."""
+    """Return ∫ ∂_b N_I C_abcd ∂_d N_J (e, I, J, a, c) from gradients dN (e, j, 3, q) and weights dx (e, q).
+
+    It is symmetric to the last bit. Rounding would leave some ulps, and hide the true class of the problem.
+    """
     e, nodes = dN.shape[:2]
-    stress = np.einsum("abcd,ejdq,eq->ejcabq", stiffness, dN, dx, optimize=True)
-    # Contract b and q in one batched matrix product: (e, I, bq) x (e, bq, Jca).
-    right = np.transpose(stress, (0, 4, 5, 1, 2, 3)).reshape(e, -1, nodes * 9)
-    block = (dN.reshape(e, nodes, -1) @ right).reshape(e, nodes, nodes, 3, 3)  # e I J c a
-    return np.transpose(block, (0, 1, 4, 2, 3)).reshape(e, 3 * nodes, 3 * nodes)
+    flat = dN.reshape(e, 3 * nodes, -1)
+    products = ((flat * dx[:, None, :]) @ np.swapaxes(flat, 1, 2)).reshape(e, nodes, 3, nodes, 3)  # e I b J d
+    by_pair = np.swapaxes(products, 2, 3).reshape(-1, 9)
+    block = (by_pair @ np.transpose(stiffness, (1, 3, 0, 2)).reshape(9, 9)).reshape(e, nodes, nodes, 3, 3)
+    both: np.ndarray = block + np.transpose(block, (0, 2, 1, 4, 3))
+    both /= 2
+    return both
 
 
 def symmetrised(A: sp.csr_array) -> sp.csr_array:
@@ -169,10 +184,3 @@ def symmetrised(A: sp.csr_array) -> sp.csr_array:
     T.data /= 2
     return T
 
-
-def scatter(blocks: np.ndarray, index: np.ndarray, n: int) -> sp.csr_array:
-    """Return the (n, n) sum of element matrices (e, j, j) at the rows and columns of index (e, j)."""
-    index = index.astype(np.int32 if n < 2**31 else np.int64)  # else SciPy would convert all rows and columns
-    rows = np.broadcast_to(index[:, :, None], blocks.shape).ravel()
-    columns = np.broadcast_to(index[:, None, :], blocks.shape).ravel()
-    return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(n, n))

@@ -28,8 +28,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from .cells import cell_points, shape_functions
-from .element_matrices import element_shapes, scatter
+from .element_matrices import element_shapes
 from .motion import SteadyMotion
+from .node_sums import scatter
 from .spaces import DisplacementSpace
 
 _ELEMENTS_AT_ONCE = 5000

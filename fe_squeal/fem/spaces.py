@@ -144,10 +144,29 @@ class DisplacementSpace:
             return self.nodal_map
         return sp.csr_array(sp.block_diag([self.nodal_map, self.bubbles.directions]))
 
-    def restricted(self, A: sp.csr_array) -> sp.csr_array:
-        """Return the (n, n) matrix of a form on the unknowns from that (3 functions, 3 functions) on all functions."""
-        if self.bubbles is None and not self.ties:
-            return sp.csr_array(A[self.free][:, self.free])
+    @property
+    def selects(self) -> bool:
+        """Whether every unknown is the displacement of one node, and no node follows others."""
+        return self.bubbles is None and not self.ties
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """Numbers of the functions that may move in some direction, int."""
+        if not self.selects:
+            return np.arange(self.functions)
+        return np.flatnonzero(~self.fixed.reshape(-1, 3).all(axis=1))
+
+    def restricted(self, A: sp.csr_array, functions: np.ndarray | None = None) -> sp.csr_array:
+        """Return the (n, n) matrix of a form on the unknowns from that (3 m, 3 m) on m functions.
+
+        Parameters
+        ----------
+        functions : (m,) int or None
+            None for all; else `moving`.
+        """
+        if self.selects:
+            free = self.free if functions is None else 3 * np.searchsorted(functions, self.free // 3) + self.free % 3
+            return A if len(free) == A.shape[0] else sp.csr_array(A[free][:, free])
         P = self.prolongation
         return sp.csr_array(P.T @ A @ P) - self._rounding(A)
 
