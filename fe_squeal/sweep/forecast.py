@@ -170,7 +170,7 @@ class MemoryCount:
         """
         parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
         here = part_here(n) if processes is None else 1 / processes if are_spread(n, processes) else 1.0
-        if here < 1 and self.shares_rows:
+        if here < 1:
             parts["matrices"] = int(here * parts["matrices"])
             if processes is not None:
                 parts["program and model"] -= int((1 - here) * self.terms_here)
@@ -183,7 +183,7 @@ class MemoryCount:
             blocks = min(8 * n * _BLOCKS * guarded, _MOST)
             own = here * (basis + _CORRECTED * guarded)
             parts["vectors"] = int(8 * n * (own + _SAMPLES + _SEARCHED) + blocks)
-            shapes = int((here if self.shares_rows else 1.0) * self.lifted)
+            shapes = int(here * self.lifted)
             shapes += int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
             # Most shapes are exact without factors; of a large problem, whose factors are gone by then, all are taken
             # to be.
@@ -202,16 +202,11 @@ class MemoryCount:
         """Return the same with factors of so many bytes."""
         return replace(self, factors=factors, fixed={**self.fixed, "factors": factors})
 
-    @property
-    def shares_rows(self) -> bool:
-        """Whether what is made of the matrices keeps its rows where they are: what is complex on the way does not."""
-        return self.problem_class in ("symmetric", "nonsymmetric")
-
     def rows(self, processes: int) -> int:
         """Return the bytes of the matrices that each of several processes has the rows of."""
         if self.unknowns <= DENSE_LIMIT or not are_spread(self.unknowns, processes):
             return 0
-        return int((self.terms_here + self.terms_spread + self.shares_rows * self.fixed["matrices"]) / processes)
+        return int((self.terms_here + self.terms_spread + self.fixed["matrices"]) / processes)
 
     def share(self, modes: int, processes: int) -> int:
         """Return the bytes of the vectors that each of several processes has a part of."""

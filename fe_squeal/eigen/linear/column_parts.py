@@ -28,24 +28,25 @@ def pieces(n: int, columns: int) -> Iterator[tuple[int, int]]:
     return ((begin, min(begin + step, columns)) for begin in range(0, columns, step))
 
 
-def scattered(comm: Any, n: int, columns: int, whole: np.ndarray | None) -> np.ndarray:
-    """Return this process's rows (m, k) of an array (n, k) float that process 0 has."""
+def scattered(comm: Any, n: int, columns: int, whole: np.ndarray | None, rows: int = 1) -> np.ndarray:
+    """Return this process's rows (m, k) of an array (n, k) float that process 0 has, so many for each unknown."""
     if comm is None:
         assert whole is not None
         return whole
-    at = ends(n, comm.size)
+    at = rows * ends(n // rows, comm.size)
     own = np.empty((int(np.diff(at)[comm.rank]), columns))
     comm.Scatterv([None if whole is None else np.ascontiguousarray(whole, float), np.diff(at) * columns], own, root=0)
     return own
 
 
-def gathered(comm: Any, n: int, own: np.ndarray) -> np.ndarray | None:
-    """Return on process 0 the array (n, k) of which each process has its rows (m, k) float."""
+def gathered(comm: Any, n: int, own: np.ndarray, rows: int = 1) -> np.ndarray | None:
+    """Return on process 0 the array (n, k) float that each process has rows (m, k) of, so many for each unknown."""
     if comm is None:
         return own
     columns = own.shape[1]
     whole = np.empty((n, columns)) if comm.rank == 0 else None
-    comm.Gatherv(np.ascontiguousarray(own), [whole, np.diff(ends(n, comm.size)) * columns], root=0)
+    counts = rows * np.diff(ends(n // rows, comm.size)) * columns
+    comm.Gatherv(np.ascontiguousarray(own), [whole, counts], root=0)
     return whole
 
 

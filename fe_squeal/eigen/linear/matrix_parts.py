@@ -194,7 +194,7 @@ def some_rows(comm: Any, what: dict[str, Any], data: None) -> sp.csr_array | Non
     return sp.csr_array(sp.csr_array(sp.vstack(rows, format="csr"))[order])
 
 
-def summed(parts: Sequence[tuple[float, int]], m: int, n: int) -> sp.csr_array:
+def summed(parts: Sequence[tuple[complex, int]], m: int, n: int) -> sp.csr_array:
     """Return this process's rows (m, n) of Σ c A."""
     total = sp.csr_array((m, n))
     for factor, handle in parts:
@@ -233,7 +233,8 @@ def _with_rest(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> sp
 def rows_to_factorise(comm: Any, what: dict[str, Any], rest: sp.csr_array | None) -> sp.csr_array:
     """Return this process's rows (m, n) of Σ c A + R, rows and columns in the order of the processes.
 
-    `rest` is R (n, n) on process 0, of few entries.
+    `rest` is R (n, n) on process 0, of few entries. Of a complex A + iB it returns rows (2m, 2n) of [[A, −B], [B, A]]:
+    each process has both rows of its unknowns, those of the real parts first.
     """
     at = _partitions[what["partition"]]
     n = len(at.position)
@@ -241,7 +242,21 @@ def rows_to_factorise(comm: Any, what: dict[str, Any], rest: sp.csr_array | None
     if (R := _own_rows(comm, at, rest, what["has_rest"])) is not None:
         total = sp.csr_array(total + R)
     total.sum_duplicates()
-    found = sp.csr_array((total.data, at.position[total.indices], total.indptr), shape=total.shape)
+    if not what["complex"]:
+        return _in_columns(total, total.data, at.position, n)
+    starts = ends(n, 1 if comm is None else comm.size)
+    process = np.searchsorted(starts, at.position, side="right") - 1
+    real = at.position + starts[process]  # the columns of real parts; those of imaginary parts follow
+    imaginary = real + np.diff(starts)[process]
+    A, B = total.data.real, total.data.imag
+    upper = _in_columns(total, A, real, 2 * n) - _in_columns(total, B, imaginary, 2 * n)
+    lower = _in_columns(total, B, real, 2 * n) + _in_columns(total, A, imaginary, 2 * n)
+    return sp.csr_array(sp.vstack([upper, lower], format="csr"))
+
+
+def _in_columns(rows: sp.csr_array, data: np.ndarray, column: np.ndarray, n: int) -> sp.csr_array:
+    """Return rows (m, n) with other entries, each in another column."""
+    found = sp.csr_array((data.copy(), column[rows.indices], rows.indptr), shape=(rows.shape[0], n))  # sorted in place
     found.has_sorted_indices = False
     found.sort_indices()
     return found
@@ -264,15 +279,16 @@ def _own_rows(
 
 def send_rows(comm: Any, A: sp.csr_array, to: int) -> None:
     """Send a matrix by its arrays: a message that is pickled holds no more than two gigabytes."""
-    comm.send((len(A.indptr), len(A.data)), dest=to, tag=_TAG)
-    for array, kind in ((A.indptr, np.int64), (A.indices, np.int32), (A.data, float)):
+    entries = complex if np.iscomplexobj(A) else float
+    comm.send((len(A.indptr), len(A.data), entries), dest=to, tag=_TAG)
+    for array, kind in ((A.indptr, np.int64), (A.indices, np.int32), (A.data, entries)):
         comm.Send(np.ascontiguousarray(array, kind), dest=to, tag=_TAG)
 
 
 def received_rows(comm: Any, source: int, n: int) -> sp.csr_array:
     """Return the rows (m, n) that a process sends by `send_rows`."""
-    count, entries = comm.recv(source=source, tag=_TAG)
-    indptr, indices, data = np.empty(count, np.int64), np.empty(entries, np.int32), np.empty(entries)
+    count, entries, kind = comm.recv(source=source, tag=_TAG)
+    indptr, indices, data = np.empty(count, np.int64), np.empty(entries, np.int32), np.empty(entries, kind)
     for array in (indptr, indices, data):
         comm.Recv(array, source=source, tag=_TAG)
     return sp.csr_array((data, indices, indptr), shape=(count - 1, n))

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ...errors import NotConvergedError, SceneError, TooLargeError
 from ...process.ranks import process_count
 from ..memory import available_memory, memory_text, require_memory
-from .column_parts import pieces
+from .column_parts import ends, pieces
 from .factor import DefiniteFactor, Factor, SingularError, Solve, solve_real_parts
 from .half import inverse_root
 from .petsc import MumpsOptions, MumpsReport, petsc
@@ -54,7 +54,9 @@ class MumpsFactor:
         self._n = A.shape[0]
         self._symmetric, self._asked, self._options = symmetric, options, options
         real = _real_form(A) if self._complex else _sorted(A)
-        self._size, self._partition = real.shape[0], real.partition if isinstance(real, SpreadMatrix) else None
+        self._rows = 2 if self._complex and isinstance(real, SpreadMatrix) else 1  # of each unknown on its process
+        self._size = self._rows * real.shape[0]
+        self._order = _order_of_rows(real, self._rows) if isinstance(real, SpreadMatrix) else None
         if options.out_of_core:
             self._options = options = replace(options, folder=_files(options.folder))
         if self._size >= _FORECAST:
@@ -151,16 +153,19 @@ class MumpsFactor:
         columns = np.asarray(b, dtype=float).reshape(self._size, -1)
         if not columns.shape[1]:
             return np.zeros(b.shape)
-        parts, at = [], self._partition  # the factors have the unknowns in the order of the processes
+        parts, order = [], self._order  # the factors have the unknowns in the order of the processes
         for begin, end in pieces(*columns.shape):
             some = columns[:, begin:end]
-            part, error = together("solve", some if at is None else some[at.order], handle=self._handle, n=self._size,
-                                   columns=end - begin, transposed=transposed)  # fmt: skip
+            part, error = together("solve", some if order is None else some[order], handle=self._handle, n=self._size,
+                                   columns=end - begin, transposed=transposed, rows=self._rows)  # fmt: skip
             if error < 0:
                 self._raise_from_solve(error)
             if not np.isfinite(part).all():
                 raise SingularError("MUMPS: the matrix is singular to working precision")
-            parts.append(part if at is None else part[at.position])
+            if order is not None:
+                placed = np.empty_like(part)
+                placed[order] = part
+            parts.append(part if order is None else placed)
         x: np.ndarray = parts[0] if len(parts) == 1 else np.hstack(parts)
         return x.reshape(b.shape)
 
@@ -196,7 +201,19 @@ def _sorted(A: sp.csr_array) -> sp.csr_array:
 
 
 def _real_form(A: sp.csr_array) -> sp.csr_array:
+    """Return [[Re A, −Im A], [Im A, Re A]]; a matrix on all processes as it is: there it is made of the rows."""
+    if isinstance(A, SpreadMatrix):
+        return A
     return _sorted(sp.block_array([[A.real, -A.imag], [A.imag, A.real]], format="csr"))
+
+
+def _order_of_rows(A: SpreadMatrix, rows: int) -> np.ndarray:
+    """Return the unknowns (n,) in the order of the processes, or (2n,) where each has the imaginary parts behind."""
+    order, n = A.partition.order, A.shape[0]
+    if rows == 1:
+        return order
+    at = ends(n, process_count())
+    return np.concatenate([own + k * n for own in np.split(order, at[1:-1]) for k in range(rows)])
 
 
 def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> MumpsReport:
@@ -212,8 +229,9 @@ def _factorized(
     here: sp.csr_array | None = A
     if isinstance(A, SpreadMatrix):
         where, here = A.where(), A.rest
+    n = A.shape[0] * (2 if np.iscomplexobj(A) else 1)
     told: MumpsReport = together(
-        "factorize", here, handle=handle, n=A.shape[0], symmetric=symmetric, definite=definite, options=options,
+        "factorize", here, handle=handle, n=n, symmetric=symmetric, definite=definite, options=options,
         analyse_only=analyse_only, **where,
     )  # fmt: skip
     return told

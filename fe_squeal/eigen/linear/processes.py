@@ -82,9 +82,9 @@ def _solve(comm: Any, what: dict[str, Any], b: np.ndarray | None) -> tuple[np.nd
     if comm is None:
         assert b is not None
         return matrix.solve(b, what["transposed"])
-    own = scattered(comm, what["n"], what["columns"], b)
+    own = scattered(comm, what["n"], what["columns"], b, what["rows"])
     x, error = matrix.solve(own, what["transposed"])
-    return gathered(comm, what["n"], x), error
+    return gathered(comm, what["n"], x, what["rows"]), error
 
 
 def _scattered_rows(comm: Any, n: int, A: sp.csr_array | None) -> sp.csr_array:

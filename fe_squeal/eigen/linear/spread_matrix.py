@@ -85,15 +85,17 @@ class Part:
 class SpreadMatrix(sp.csr_array):
     """Σ c A + R (n, n), of symmetric matrices A with their rows on all processes and a matrix R of few entries here.
 
+    The A are real; c and R may be complex.
+
     It takes the place of a sparse matrix. Sums and multiples, products with vectors, the transposed matrix, the
     diagonal, some rows and factors by MUMPS are made where the rows are. Everything else that SciPy does is done with
     the whole matrix, which is brought here for that time alone.
 
     Parameters
     ----------
-    parts : sequence of (float, Part)
+    parts : sequence of (float or complex, Part)
         Each c and A, of one partition; at least one.
-    rest : (n, n) sparse float, optional
+    rest : (n, n) sparse float or complex, optional
         R.
     """
 
@@ -113,8 +115,9 @@ class SpreadMatrix(sp.csr_array):
 
     @property
     def dtype(self) -> np.dtype:
-        """The type of the entries: real."""
-        return np.dtype(float)
+        """The type of the entries: complex where any c is, or R."""
+        factors = [c for c, _ in self.parts]
+        return np.dtype(complex if any(map(np.iscomplexobj, [*factors, self.rest])) else float)
 
     @property
     def nnz(self) -> int:
@@ -140,14 +143,19 @@ class SpreadMatrix(sp.csr_array):
         return sp.csr_array(found + (self.rest if wanted is None else self.rest[wanted]))
 
     def where(self) -> dict[str, Any]:
-        """Return how the processes know it: the numbers of partition and A, with each c, and whether there is an R."""
+        """Return how the processes know it: the numbers of partition and A, with each c, and what there is besides."""
         parts = [(c, part.handle) for c, part in self.parts]
-        return {"partition": self.partition.handle, "parts": parts, "has_rest": self.rest is not None}
+        return {
+            "partition": self.partition.handle, "parts": parts, "has_rest": self.rest is not None,
+            "complex": self.dtype == complex,
+        }  # fmt: skip
 
     def diagonal(self, k: int = 0) -> np.ndarray:
         """Return the diagonal (n,)."""
         if k:
             return np.asarray(self.tocsr().diagonal(k))
+        if self.dtype == complex:
+            return np.asarray(self.real.diagonal() + 1j * self.imag.diagonal())
         found: np.ndarray = together("diagonal of rows", None, **self.where())
         return found if self.rest is None else found + self.rest.diagonal()
 
@@ -157,6 +165,8 @@ class SpreadMatrix(sp.csr_array):
         X = np.asarray(other)
         if X.shape[0] != self.shape[1]:
             raise ValueError(f"shapes {self.shape} and {X.shape} do not belong together")
+        if self.dtype == complex:
+            return self.real @ X + 1j * (self.imag @ X)
         if np.iscomplexobj(X):
             columns = np.ascontiguousarray(X.reshape(len(X), -1), complex)
             return self._times(columns.view(float)).view(complex).reshape(X.shape)
@@ -202,8 +212,8 @@ class SpreadMatrix(sp.csr_array):
         return SpreadMatrix(self.parts, None if self.rest is None else sp.csr_array(self.rest.T))
 
     def conjugate(self, copy: bool = True) -> Any:
-        """Return the matrix itself, which is real."""
-        return self
+        """Return the conjugate matrix, spread too."""
+        return self._by_entries(np.conj)
 
     conj = conjugate
 
@@ -214,8 +224,24 @@ class SpreadMatrix(sp.csr_array):
 
     @property
     def real(self) -> Any:
-        """The matrix itself, which is real."""
-        return self
+        """The real parts, spread too."""
+        return self._by_entries(np.real)
+
+    @property
+    def imag(self) -> Any:
+        """The imaginary parts, spread too where there are any."""
+        return self._by_entries(np.imag) if self.dtype == complex else sp.csr_array(self.shape)
+
+    def _by_entries(self, function: Callable[[Any], Any]) -> SpreadMatrix:
+        """Return what conj, Re or Im makes of it, which act on each c and on R alone."""
+        if self.dtype != complex:
+            return self
+        factors = [(function(np.asarray(c)).item(), part) for c, part in self.parts]
+        parts = [(c, part) for c, part in factors if c] or factors[:1]
+        rest = self.rest
+        if rest is not None:
+            rest = sp.csr_array((function(rest.data).copy(), rest.indices, rest.indptr), shape=self.shape)
+        return SpreadMatrix(parts, rest)
 
     def copy(self) -> Any:
         """Return the matrix itself: nothing changes it."""
@@ -225,9 +251,9 @@ class SpreadMatrix(sp.csr_array):
         """Do nothing: there are none."""
 
     def __mul__(self, other: Any) -> Any:
-        if not np.isscalar(other) or np.iscomplexobj(other):
+        if not np.isscalar(other):
             return self.tocsr() * other
-        factor = float(other)  # type: ignore[arg-type]
+        factor: Any = complex(other) if np.iscomplexobj(other) else float(other)  # type: ignore[arg-type]
         return SpreadMatrix(
             [(factor * c, part) for c, part in self.parts], None if self.rest is None else self.rest * factor
         )
@@ -235,9 +261,7 @@ class SpreadMatrix(sp.csr_array):
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        if not np.isscalar(other) or np.iscomplexobj(other):
-            return self.tocsr() / other
-        return self * (1 / float(other))  # type: ignore[arg-type]
+        return self * (1 / other) if np.isscalar(other) else self.tocsr() / other  # type: ignore[operator]
 
     def __neg__(self) -> Any:
         return self * -1.0
@@ -252,7 +276,7 @@ class SpreadMatrix(sp.csr_array):
                 rest = sum(rests[1:], rests[0]) if rests else None
                 return SpreadMatrix([(c, part) for part, c in factors.items()], rest)
             return self.tocsr() + other.tocsr()
-        if sp.issparse(other) and other.shape == self.shape and other.dtype == float:
+        if sp.issparse(other) and other.shape == self.shape and other.dtype in (float, complex):
             other = sp.csr_array(other)
             return SpreadMatrix(self.parts, other if self.rest is None else sp.csr_array(self.rest + other))
         return self.tocsr() + other
