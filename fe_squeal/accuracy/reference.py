@@ -11,7 +11,7 @@ from ..sweep.onset import Onset
 from .bars import onset_scale
 from .estimate import COMPARED
 from .measure import Measurement
-from .onset_pairs import pair_onsets
+from .onset_pairs import branches_of, pair_onsets
 
 # The cost of taking two modes for the same is (1 − MAC) + x/(1 + x), x = |λ₁ − λ₂| / (_FREQUENCY |λ₁|). Both summands
 # are between 0 and 1; from a cost of _NO_MATCH on they are different modes.
@@ -96,7 +96,8 @@ class Errors:
         Error of Re λ at the last value, for the unstable modes, relative to the largest Re λ.
     onset : float
         Error of the critical values, relative to the value or to a tenth of the sweep's interval, whichever is larger.
-        An onset that is not found counts as an error of 1, and so does one that the reference does not have.
+        An onset that is not found counts as an error of 1, and so does one that the reference does not have; both ends
+        of a window of instability as half its width, which is what closes it.
     """
 
     frequency: float = np.nan
@@ -257,16 +258,36 @@ def _growth_error(m: Measurement, k: int, reference: Reference) -> float:
 def _onset_error(m: Measurement, reference: Reference, same: dict[int, int]) -> float:
     true, found = (_onsets(o) for o in (reference.onsets, m.onsets))
     paired = pair_onsets(true, found, same, m.values)
-    errors = []
+    errors, lost = [], []
     for i in np.flatnonzero(reference.counted_onsets & reference.onsets_known).tolist():
         onset, j = true[i], paired[i]
-        errors.append(abs(found[j].value - onset.value) / onset_scale(onset.value, m.values) if j is not None else 1.0)
+        if j is None:
+            lost.append(onset)
+        else:
+            errors.append(abs(found[j].value - onset.value) / onset_scale(onset.value, m.values))
     unknown = [true[i] for i in np.flatnonzero(~reference.onsets_known).tolist()]
-    for j, onset in enumerate(found):
-        counts = 2 * np.pi * onset.frequency_hz <= reference.limit
-        if counts and j not in paired and not any(_is_beside(onset, other, reference.width) for other in unknown):
-            errors.append(1.0)
-    return max(errors, default=np.nan)
+    more = [
+        onset for j, onset in enumerate(found)
+        if 2 * np.pi * onset.frequency_hz <= reference.limit and j not in paired
+        and not any(_is_beside(onset, other, reference.width) for other in unknown)
+    ]  # fmt: skip
+    return max([*errors, *_errors_alone(lost, m.values), *_errors_alone(more, m.values)], default=np.nan)
+
+
+def _errors_alone(onsets: list[Onset], values: np.ndarray) -> list[float]:
+    """Return the errors of onsets that one of two results alone has: 1, but half the width of a window for its ends.
+
+    Where two modes just miss each other, a small change of the matrices makes such a window or closes it: its ends meet
+    half way.
+    """
+    errors = []
+    for onset in onsets:
+        beside = [o for o in onsets if o is not onset and branches_of(o) & branches_of(onset)]
+        inwards = [o for o in beside if (o.value > onset.value) == (onset.direction == "into")]
+        end = min(inwards, key=lambda o: abs(o.value - onset.value), default=onset)
+        half = abs(end.value - onset.value) / 2
+        errors.append(min(half / onset_scale(onset.value, values), 1.0) if end.direction != onset.direction else 1.0)
+    return errors
 
 
 def _is_beside(one: Onset, other: Onset, width: float) -> bool:

@@ -48,6 +48,19 @@ def test_errors_of_growth_and_onsets():
     assert np.isnan(errors_of(fake([100j, 150j, 300j], shapes), quiet).growth)
 
 
+def test_a_window_that_one_mesh_alone_has_is_as_wrong_as_it_is_wide():
+    """Both ends move by half its width to close it; an end without the other, or of other branches, counts whole."""
+    shapes, hz, lam = np.eye(6)[:, :3] + 0j, 150 / (2 * np.pi), [100j, 150j, 300j]
+    one = (0.4, 100 / (2 * np.pi), 1, 1, 1, 2)
+    into, out, end = (0.200, hz, 1, 1, 2, 3), (0.204, hz, 1, 0, 2, 3), (0.21, hz, 1, 0, 1, np.nan)
+    again = (0.30, hz, 1, 1, 2, 3)
+    few, many = (fake(lam, shapes, onsets) for onsets in ([one], [one, into, out]))
+    for found, reference in ((few, many), (many, few)):
+        assert errors_of(found, as_reference(reference)).onset == pytest.approx(0.002 / 0.2)
+    for whole in ([one, into], [one, out], [one, into, end], [one, into, out, again], [one, out, again]):
+        assert errors_of(fake(lam, shapes, whole), as_reference(few)).onset == 1.0
+
+
 def test_errors_on_the_same_mesh_are_the_largest_along_the_sweep():
     """At the first of three values growth is half of what it is in truth, at the last it is right; by shape, as errors
     against other meshes are found, the last value alone would count."""
