@@ -5,7 +5,8 @@ The disc with two pads of examples/disc_pad.toml, meshed with quadratic elements
 "tet 0.02" for tetrahedra), is swept over the friction coefficient with `method = "reduced"`, each mesh in a process of
 its own: seconds of every stage, the largest memory of the process and what `fe-squeal check` would have predicted, and
 where seconds and bytes go. The largest mesh has 1 003 086 unknowns and takes 18 GiB and a quarter of an hour. A line
-per mesh is appended to the file of `--log`, and what is there already is not measured again.
+per mesh is appended to the file of `--log`, and what is there already is not measured again. `--write` replaces the
+rows of these meshes in docs/performance.md, and leaves those of others.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ NOTE = """The disc with two pads of `examples/disc_pad.toml` on finer and finer 
 quadratic tetrahedra ("tet"), swept over the friction coefficient with right and left modes, tracking, onsets and the
 count of modes. The reduced model is made once; each value of the sweep then costs a small dense eigenproblem. The
 predicted memory is that of `fe-squeal check`, with 62 MiB for pictures, which are not drawn here.
-Made by `python benchmarks/performance.py --write`; """
+Made by `python benchmarks/performance.py --write`, each mesh by itself; """
 
 
 def build(size: float, element: str = "hex"):
@@ -80,7 +81,7 @@ def measure(mesh: str, modes: int, values: int) -> dict:
         "stages": {"assembly": assembly, **found.seconds}, "method": found.method, "onsets": len(found.onsets),
         "warnings": len(found.warnings), "proven": found.completeness.proven, "MiB": peak_memory_mib(),
         "predicted": predicted.total / 2**20, "factors": predicted.factors / 2**20, "within": within,
-        "parts": {name: size / 2**20 for name, size in predicted.parts.items()},
+        "parts": {name: size / 2**20 for name, size in predicted.parts.items()}, "date": time.strftime("%Y-%m-%d"),
     }  # fmt: skip
 
 
@@ -106,12 +107,12 @@ def timed(function: Callable[..., Any], seconds: dict[str, float]) -> Callable[.
 def table(rows: list[dict]) -> str:
     """Return the rows as Markdown."""
     head = ["unknowns", "elements", *(f"{name}, s" for name in STAGES.values()), "in all, s", "vectors", "onsets",
-            "memory, MiB", "predicted, MiB", "of it factors"]  # fmt: skip
+            "memory, MiB", "predicted, MiB", "of it factors", "measured"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for r in rows:
         cells = [f"{r['stages'][s]:.1f}" for s in STAGES]
         cells += [f"{r['total']:.1f}", r["method"].split()[3], str(r["onsets"])]
-        cells += [f"{r[key]:.0f}" for key in ("MiB", "predicted", "factors")]
+        cells += [*(f"{r[key]:.0f}" for key in ("MiB", "predicted", "factors")), r["date"]]
         lines.append(f"| {r['unknowns']} | {r['element']} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -127,6 +128,17 @@ def inside(rows: list[dict]) -> str:
         others = sum(size for name, size in r["parts"].items() if name not in BYTES)
         lines.append(f"| {r['unknowns']} | {r['element']} | " + " | ".join(cells) + f" | {others:.0f} |")
     return "\n".join(lines)
+
+
+def merged(lines: str, page: str) -> str:
+    """Return a table with the rows that the table of the same head on a page has besides, smaller ones first.
+
+    Rows are the same where their first two cells are, the unknowns and the elements.
+    """
+    head, rule, *rows = lines.splitlines()
+    before = page.partition(head)[2].partition("\n\n")[0].splitlines()[2:]
+    every = {tuple(row.split("|")[1:3]): row for row in [*before, *rows]}
+    return "\n".join([head, rule, *(every[key] for key in sorted(every, key=lambda key: (key[1], int(key[0]))))])
 
 
 def main() -> None:
@@ -159,14 +171,12 @@ def main() -> None:
     rows = [known[mesh] for mesh in given.meshes]
     print(table(rows), inside(rows), sep="\n\n")
     if given.write:
-        when = (
-            f"{given.modes} modes, {given.values} values; {os.cpu_count()} cores, shared with other work, "
-            f"{time.strftime('%Y-%m-%d')}."
-        )
+        when = f"{given.modes} modes, {given.values} values; {os.cpu_count()} cores, shared with other work."
         # Behind it are the sections of other files (Makefile).
-        others = "".join(PAGE.read_text(encoding="utf-8").partition("\n## ")[1:])
-        text = f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{table(rows)}\n\n{INSIDE}\n{inside(rows)}\n"
-        PAGE.write_text(text + others, encoding="utf-8")
+        page, *others = PAGE.read_text(encoding="utf-8").partition("\n## ")
+        first, second = (merged(lines, page) for lines in (table(rows), inside(rows)))
+        text = f"# How a sweep grows with the problem\n\n{NOTE}{when}\n\n{first}\n\n{INSIDE}\n{second}\n"
+        PAGE.write_text(text + "".join(others), encoding="utf-8")
 
 
 if __name__ == "__main__":

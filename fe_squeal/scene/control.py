@@ -118,7 +118,8 @@ class MumpsTable(Section):
         scaled; solves are refined until they are as exact as without. Factors that are too rough for that end the run:
         1e-10 is rarely too rough (default: no compression).
     memory_relaxation : int
-        Percent of workspace beyond what MUMPS' analysis expects (default: MUMPS' own, 20 to 35).
+        Percent of workspace beyond what MUMPS' analysis expects (default: MUMPS' own, 20 to 35, and where pivoting
+        takes more than that 50, then 200).
     """
 
     out_of_core: bool = False

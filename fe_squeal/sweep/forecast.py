@@ -31,6 +31,9 @@ VALUES, UNKNOWNS = 5, 2000
 
 # What is counted below was measured phase by phase, by the memory that each holds (benchmarks/memory.py).
 _FIGURES = 62 * 2**20  # bytes of Matplotlib, pandas and what belongs to them, which a run loads
+# Bytes of tables, page and shapes while they are written, after a reduced model is made: by four brakes of 6 558 to
+# 12 717 unknowns, between 27 and 59.
+_WRITTEN = 45 * 2**20
 _KERNELS = 25 * 2**20  # bytes of the solver's library, read from the disk when it first factorises
 # Bytes that the C library keeps of what was freed, in pieces between others: those of up to 32 MiB (glibc), so that
 # large models keep no more than small ones.
@@ -95,7 +98,7 @@ class MemoryPrediction:
     parts : dict of int, bytes
         What the total consists of, by name.
     strong : int, bytes
-        What comes to that of a large problem whose friction or damping is strong.
+        What comes to that if friction or damping is strong: larger factors, or those that shapes are made exact with.
     taken : int, bytes
         What the process has now.
     """
@@ -168,7 +171,7 @@ class MemoryCount:
 
         Factors count as they are given: of all processes on this machine, unless `with_factors` has other ones.
         """
-        parts, n, kind = dict(self.fixed), self.unknowns, self.problem_class
+        parts, n, kind, with_factors = dict(self.fixed), self.unknowns, self.problem_class, 0
         here = part_here(n) if processes is None else 1 / processes if are_spread(n, processes) else 1.0
         if here < 1:
             parts["matrices"] = int(here * parts["matrices"])
@@ -185,16 +188,17 @@ class MemoryCount:
             parts["vectors"] = int(8 * n * (own + _SAMPLES + _SEARCHED) + blocks)
             shapes = int(here * self.lifted)
             shapes += int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
-            # Most shapes are exact without factors; of a large problem, whose factors are gone by then, all are taken
-            # to be.
-            gone = parts["matrices"] + parts["vectors"] + (self.factors if self.large else 0)
-            parts["shapes"] = max(0, shapes - gone)
+            # Pictures and shapes come when what the model is made with is gone; shapes are mostly exact without factors.
+            gone = parts["matrices"] + parts["vectors"] + self.factors
+            later = shapes + parts.pop("pictures", 0) + _WRITTEN
+            parts["pictures and shapes"] = max(0, later - gone)
+            with_factors = max(0, later + self.factors - gone) - parts["pictures and shapes"]
             parts["projections"] = int(_PROJECTED * self.terms * basis**2)
             parts["small eigenproblems"] = int(number * (_DENSE * order**2 + 2 * self.values * guarded * basis))
         elif n > DENSE_LIMIT:
             krylov, states = _FLUTTER.get(kind, (0, 0))
             parts["vectors"] = int(8 * n * max(_KRYLOV * modes * _SOLVED[kind], krylov + states * modes))
-        strong = int(_STRONG[kind] * self.factors) if self.large else 0
+        strong = int(_STRONG[kind] * self.factors) if self.large else with_factors
         free, taken = available_memory(), int(psutil.Process().memory_info().rss)
         return MemoryPrediction(sum(parts.values()), self.factors, free, self.reduced, parts, strong, taken)
 
@@ -226,9 +230,10 @@ def predict_memory(
 ) -> MemoryPrediction:
     """Predict the memory of a run at its peak: while a mode is made exact with factors of the problem at one value.
 
-    Before that the reduced model, if there is one, is made with less; pictures are drawn by another process. All is
-    counted from the numbers of unknowns, entries and modes, but the factors, which the solver's analysis tells, and
-    what is loaded now, which is measured. To 15 % where the analysis is exact; SuperLU has none.
+    With a reduced model it is there or later, where its shapes and the page are written; the larger one counts.
+    Pictures of shapes are drawn by another process. All is counted from the numbers of unknowns, entries and modes, but
+    the factors, which the solver's analysis tells, and what is loaded now, which is measured. To 15 % where the
+    analysis is exact; SuperLU has none.
 
     Parameters
     ----------
@@ -345,7 +350,7 @@ def _moved(problem: Problem, parameter: str, values: int) -> tuple[int, int]:
 def _loaded_parts() -> dict[str, int]:
     """Return what the process has now, after the analysis, and the libraries that it will load."""
     figures = 0 if "matplotlib.figure" in sys.modules else _FIGURES
-    return {"program and model": _loaded(), "libraries": _KERNELS + figures}
+    return {"program and model": _loaded(), "libraries": _KERNELS, "pictures": figures}
 
 
 def _per_entry(A: sp.csr_array) -> int:

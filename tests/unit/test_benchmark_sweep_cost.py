@@ -56,6 +56,15 @@ def test_table_and_chart(monkeypatch, tmp_path, own, seconds):
     assert lengths["#b5b5b5"] > 50 and found == pytest.approx(expected, abs=0.05)
 
 
+def test_rows_of_other_meshes_stay_on_the_page():
+    head = "| unknowns | elements | s |\n|---|---|---|\n"
+    page = f"# Page\n\n{head}| 30 | hex | 1.0 |\n| 200 | hex | 2.0 |\n| 7 | tet | 3.0 |\n\nMore text.\n"
+    found = performance.merged(f"{head}| 200 | hex | 9.0 |\n| 100 | tet | 8.0 |\n| 4 | hex | 7.0 |", page)
+    rows = [line.replace(" ", "").strip("|") for line in found.splitlines()[2:]]
+    assert rows == ["4|hex|7.0", "30|hex|1.0", "200|hex|9.0", "7|tet|3.0", "100|tet|8.0"]
+    assert performance.merged(found, "# Another page\n") == found
+
+
 @pytest.mark.slow
 def test_how_a_sweep_grows():
     assert performance.size_of("0.014") == (0.014, "hex")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -16,6 +17,7 @@ from fe_squeal.eigen.linear import column_parts, mumps
 from fe_squeal.eigen.linear.choice import choose, factorize_definite
 from fe_squeal.eigen.linear.factor import SingularError
 from fe_squeal.eigen.linear.mumps import MumpsDefinite, MumpsFactor, has_mumps, told_of
+from fe_squeal.eigen.linear.petsc import MumpsOptions
 from fe_squeal.errors import NotConvergedError, TooLargeError
 
 pytestmark = pytest.mark.skipif(not has_mumps(), reason="no petsc4py with MUMPS; see make test-mpi")
@@ -47,6 +49,31 @@ def test_solves_in_all_three_ways(symmetric, imaginary):
     if not symmetric:  # what would not be told apart by a symmetric matrix
         assert np.abs(factor.solve(b) - factor.solve_transposed(b)).max() > 1e-3
     assert abs(A - before).max() == 0
+
+
+@pytest.mark.parametrize("failures", [1, 2, 3])
+def test_more_workspace_is_given_where_pivoting_takes_more(failures, monkeypatch):
+    """As MUMPS asks for with its error −9; not more than three times, and not where the scene says how much."""
+    A, asked, factorized = matrix(True), [], mumps._factorized
+
+    def short(*given, analyse_only):
+        asked.append(given[-1].memory_relaxation)
+        told = factorized(*given, analyse_only=analyse_only)
+        return replace(told, error=-9) if len(asked) <= failures else told
+
+    monkeypatch.setattr(mumps, "_factorized", short)
+    if failures < 3:
+        factor = MumpsFactor(A, True)
+        np.testing.assert_allclose(A @ factor.solve(np.ones(N)), 1.0, atol=1e-9)
+        assert asked == [None, 50, 200][: failures + 1]
+        return
+    with pytest.raises(TooLargeError, match="MUMPS: the factors of 400 unknowns need about"):
+        MumpsFactor(A, True)
+    assert asked == [None, 50, 200]
+    asked.clear()
+    with pytest.raises(TooLargeError):
+        MumpsFactor(A, True, options=MumpsOptions(memory_relaxation=30))
+    assert asked == [30]
 
 
 @pytest.mark.parametrize("imaginary", [False, True])

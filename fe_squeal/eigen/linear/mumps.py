@@ -23,6 +23,8 @@ from .scratch import scratch_folder
 from .spread_matrix import SpreadMatrix, in_rows
 
 _NO_ROOM = {-8, -9, -11, -13, -14, -17, -18, -19, -20, -22}  # MUMPS' errors of workspace that is too small
+_NO_WORKSPACE = {-8, -9, -17, -20}  # those of them that more of it than the analysis expects would mend
+_WORKSPACE = 50, 200  # percent beyond what the analysis expects, after MUMPS' own 20 to 35
 _SINGULAR = {-6, -10}
 _NO_DISK = -90  # what it says of a file that it cannot write
 _ROUGH = 0.1  # of an error: if a step of refinement leaves more, low-rank factors are too rough
@@ -64,7 +66,7 @@ class MumpsFactor:
             require_memory(_here(told, options), self._n)
             self._require_disk(told)
         self._handle = new_handle()
-        told = _factorized(real, self._handle, symmetric and not self._complex, definite, options, analyse_only=False)
+        told = _with_room(real, self._handle, symmetric and not self._complex, definite, options)
         self._raise(told)
         self._told = told
         counts = symmetric and not self._complex
@@ -219,6 +221,21 @@ def _order_of_rows(A: SpreadMatrix, rows: int) -> np.ndarray:
 def told_of(A: sp.csr_array, symmetric: bool, definite: bool, options: MumpsOptions = PLAIN) -> MumpsReport:
     """Return what the analysis of a real matrix tells, without its factors."""
     return _factorized(A, new_handle(), symmetric, definite, options, analyse_only=True)
+
+
+def _with_room(
+    A: sp.csr_array, handle: int, symmetric: bool, definite: bool, options: MumpsOptions
+) -> MumpsReport:  # fmt: skip
+    """Factorise a real matrix, once more with more workspace where pivoting takes more than the analysis expects.
+
+    Options that say how much workspace there is are kept to.
+    """
+    for percent in (options.memory_relaxation, *(_WORKSPACE if options.memory_relaxation is None else ())):
+        given = replace(options, memory_relaxation=percent)
+        told = _factorized(A, handle, symmetric, definite, given, analyse_only=False)
+        if told.error not in _NO_WORKSPACE:
+            break
+    return told
 
 
 def _factorized(
