@@ -26,22 +26,22 @@ from mesh_bars import with_section_of
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "performance.md"
 HEAD = "## Memory: forecast and taken"
-NOTE = """What a whole run takes at its peak, with page and shapes, beside what `fe-squeal check` forecasts from the unknowns,
-the entries, the modes, and the analysis of the factors. The peak of a reduced sweep is where modes are made exact by
-factors of the problem at one value, or later, where shapes, page and tables are written; the larger one counts. Where
-friction and damping are weak, factors of the problem without them suffice. The forecast takes the others; for large
-problems (30 million entries of K and more, whose factors are in single precision) it takes the first, and says what
-the others would take more. Its parts: program and model (measured: the interpreter, its libraries, the assembled
-terms); libraries that are loaded later (Matplotlib, pandas, the solver's kernels); sums of matrices and what the
-solver copies; factors; vectors (basis, samples, corrections, Krylov spaces); what lifted shapes take beyond that;
-projections of all terms; LAPACK's workspaces; in direct sweeps the sizes of entries that backward errors are relative
-to; and what the C library keeps of freed memory (glibc's own count: 76 of 459 MiB at 6 558 unknowns). Meshing and
-assembly take less than that (at 129 066 unknowns 2.5 of 6.7 GiB), pictures are drawn by a process of their own. How
-many vectors a basis needs is not known before: 5 for each mode without damping, 8 with it, 17 with complex stiffness
-are taken, where 12 to 23 were found; with complex stiffness the forecast may therefore miss by a fifth (17 was chosen
-with the row of loss factors in sight, the others' numbers with six of the rows). SuperLU has no analysis, so that its
-factors are known to a factor of three only. With more threads PARDISO's analysis tells more (two: 7 % of the second
-row's whole)."""
+NOTE = """What a whole run takes at its peak, with page and shapes, beside what `fe-squeal check` forecasts from the
+unknowns, the entries, the modes, and the analysis of the factors. The peak of a reduced sweep is where modes are made
+exact by factors of the problem at one value, or later, where shapes, page and tables are written; the larger one
+counts. Where friction and damping are weak, factors of the problem without them suffice. The forecast takes the
+others; for large problems (30 million entries of K and more, whose factors are in single precision) it takes the
+first, and says what the others would take more. Its parts: program and model (measured: the interpreter, its
+libraries, the assembled terms); libraries that are loaded later (Matplotlib, pandas, the solver's kernels); sums of
+matrices and what the solver copies; factors; vectors (basis, samples, corrections, Krylov spaces); what lifted shapes
+take beyond that; projections of all terms; LAPACK's workspaces; in direct sweeps the sizes of entries that backward
+errors are relative to; and what the C library keeps of freed memory (glibc's own count: 76 of 459 MiB at 6 558
+unknowns). Meshing and assembly take less than that (at 129 066 unknowns 2.5 of 6.7 GiB), pictures are drawn by a
+process of their own. How many vectors a basis needs is not known before: 5 for each mode without damping, 8 with it,
+17 with complex stiffness are taken, where 12 to 23 were found; with complex stiffness the forecast may therefore miss
+by a fifth (17 was chosen with the row of loss factors in sight, the others' numbers with six of the rows). SuperLU
+has no analysis, so that its factors are known to a factor of three only. With more threads PARDISO's analysis tells
+more (two: 7 % of the second row's whole)."""
 
 
 @dataclass(frozen=True)

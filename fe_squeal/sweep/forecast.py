@@ -188,7 +188,7 @@ class MemoryCount:
             parts["vectors"] = int(8 * n * (own + _SAMPLES + _SEARCHED) + blocks)
             shapes = int(here * self.lifted)
             shapes += int(8 * n * (here * basis + _SAMPLES + _LIFTED * guarded))
-            # Pictures and shapes come when what the model is made with is gone; shapes are mostly exact without factors.
+            # Pictures and shapes come when what the model is made with is gone; most shapes are exact without factors.
             gone = parts["matrices"] + parts["vectors"] + self.factors
             later = shapes + parts.pop("pictures", 0) + _WRITTEN
             parts["pictures and shapes"] = max(0, later - gone)
