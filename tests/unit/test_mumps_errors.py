@@ -123,10 +123,10 @@ def test_no_process_raises_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     met: list[np.ndarray] = []
     comm = SimpleNamespace(size=3, rank=1)
     monkeypatch.setattr(processes, "scattered", lambda *_: np.ones((2, 2)))
-    monkeypatch.setattr(processes, "gathered", lambda comm, n, own: met.append(own))
+    monkeypatch.setattr(processes, "gathered", lambda comm, n, own, rows: met.append(own))
     failing = SimpleNamespace(solve=lambda b, transposed: (np.full(b.shape, np.nan), -90))
     monkeypatch.setitem(processes._matrices, -1, failing)
-    what = {"handle": -1, "n": N, "columns": 2, "transposed": False}
+    what = {"handle": -1, "n": N, "columns": 2, "rows": 1, "transposed": False}
     assert processes._solve(comm, what, None) == (None, -90)
     assert len(met) == 1
 
