@@ -231,8 +231,9 @@ rates and onsets meet the target. Made by `python benchmarks/mesh_targets.py --w
 true errors are those against a mesh with 1.5 times as many elements along every line (of the brake in a file, whose
 tetrahedra are cut where errors are: another mesh of gmsh, of size {finer:g} mm), extrapolated: of the frequencies
 at the first value, of growth at the last one relative to the fastest, of the critical values; where the name ends in
-"onsets" these alone are to meet the target (`--accuracy-of onsets`). Seconds are those of the whole search; other work
-on the machine makes them longer.
+"onsets" these alone are to meet the target (`--accuracy-of onsets`). An onset that one of the two meshes alone has
+counts as an error of 100 %; both ends of a window of instability that one alone has, as half its width, by which its
+ends move where it closes. Seconds are those of the whole search; other work on the machine makes them longer.
 
 *Bar* is the largest one on the last mesh. A bar of 0 % means that the sweep has nothing of what is to meet the target,
 such as no onset; the search ends there. A dash stands where there is nothing to compare. At most eight meshes are tried

@@ -31,10 +31,11 @@ class NodeSums:
 
     def __init__(self, nodes: np.ndarray, functions: int, kept: np.ndarray | None = None) -> None:
         j = nodes.shape[1]
+        whole = np.int32 if nodes.size * j <= np.iinfo(np.int32).max else np.int64
         order = np.argsort(nodes.ravel(), kind="stable")
         counts = np.bincount(nodes.ravel(), minlength=functions)
-        starts = np.concatenate([[0], np.cumsum(counts) * j]).astype(np.int32)
-        places = (order[:, None] * j + np.arange(j)).ravel().astype(np.int32)  # where the entry of a pair lies
+        starts = np.concatenate([[0], np.cumsum(counts) * j]).astype(whole)
+        places = (order[:, None] * j + np.arange(j)).ravel().astype(whole)  # where the entry of a pair lies
         columns = nodes[order // j].ravel().astype(np.int32)
         # The conversion to columns and back sorts the columns of each row, and leaves equal ones in their order.
         pairs = sp.csr_array((places, columns, starts), shape=(functions, functions)).tocsc().tocsr()
@@ -42,7 +43,7 @@ class NodeSums:
         first = np.ones(len(rows), bool)
         first[1:] = (pairs.indices[1:] != pairs.indices[:-1]) | (rows[1:] != rows[:-1])
         start = np.flatnonzero(first)
-        pointers, shape = np.append(start, len(rows)).astype(np.int32), (len(start), nodes.size * j)
+        pointers, shape = np.append(start, len(rows)).astype(whole), (len(start), nodes.size * j)
         self._sums = sp.csr_array((np.ones(len(rows)), pairs.data, pointers), shape=shape)
         rows, self._columns, self._size = rows[start], pairs.indices[start], functions
         if kept is not None and len(kept) < functions:

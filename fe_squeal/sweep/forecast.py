@@ -31,8 +31,8 @@ VALUES, UNKNOWNS = 5, 2000
 
 # What is counted below was measured phase by phase, by the memory that each holds (benchmarks/memory.py).
 _FIGURES = 62 * 2**20  # bytes of Matplotlib, pandas and what belongs to them, which a run loads
-# Bytes of tables, page and shapes while they are written, after a reduced model is made: by four brakes of 6 558 to
-# 12 717 unknowns, between 27 and 59.
+# Bytes that writing tables, page and shapes takes besides what is counted one by one. Four reduced sweeps of brakes
+# with 6 558 to 12 717 unknowns took 27 to 59 MiB more than the count without it.
 _WRITTEN = 45 * 2**20
 _KERNELS = 25 * 2**20  # bytes of the solver's library, read from the disk when it first factorises
 # Bytes that the C library keeps of what was freed, in pieces between others: those of up to 32 MiB (glibc), so that
