@@ -23,7 +23,7 @@ from .lapack import (
 )
 from .linear.factor import LinearSolver
 from .pencil import Modes, Pencil
-from .polish import inaccurate, pair_errors, polish_pairs
+from .polish import judged_pairs, pair_errors, polish_pairs
 from .quality import grow_below, in_upper_half, modes_from_lambda, modes_from_theta
 from .threads import one_openblas_thread
 
@@ -37,7 +37,8 @@ _FEW, _FEW_OF_ASKED = 0.1, 0.3
 _HUGE = 1e4
 _AT_REST, _DOUBTFUL = 1e-6, 1e-10  # of ω0: slower modes may be free motions; backward error of one that is no mode
 
-_Pairs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # as `Pairs`, with their errors (k,)
+# As `Pairs`, with their errors (k,), and whether they are inaccurate (k,).
+_Pairs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @one_openblas_thread()
@@ -143,14 +144,15 @@ def _damped_pairs(
     A, T = massless_apart(A)
     # Eigenvalues of real matrices come in conjugate pairs. Those of free motions may be pairs by rounding alone.
     upper = free is None and not pencil.is_complex
-    lam, right, left, error = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
+    pairs = _best(A, damped_methods(A[2], A[1], A[0], highest, upper), highest, upper)
+    lam = pairs[0]
     every = bool(np.isfinite(highest) or _number(lam, upper) >= finite_number(A))
     keep = in_upper_half(pencil, omega0 * lam) | grow_below(pencil, lam)
     if free is not None:  # how many eigenvalues are zero is known: they are the nearest to zero, and are added exactly
         keep[np.argsort(np.abs(lam), kind="stable")[: free.zeros]] = False
     if growing is not None:
         keep &= (lam.real > 0) & (lam.imag <= growing)
-    lam, right, left = _finite(A, polish_pairs(A, lam[keep], right[:, keep], left[:, keep], error[keep]), _HUGE)
+    lam, right, left = _finite(A, polish_pairs(A, *(part[..., keep] for part in pairs)), _HUGE)
     every = every and bool(np.isfinite(highest) or len(lam) == np.count_nonzero(keep))
     right, left = (right, left) if T is None else (T @ right, T @ left)
     if X is None or Z is None:
@@ -182,7 +184,7 @@ def _best(
         Whether of conjugate pairs the methods may give only those of Im v ≥ 0.
     """
     number = 0 if np.isfinite(highest) else finite_number(A)
-    tried: list[tuple[float, _Pairs, np.ndarray]] = []
+    tried: list[tuple[float, _Pairs]] = []
     for method in methods:
         try:
             v, x, y = method()
@@ -190,25 +192,25 @@ def _best(
             continue
         keep = np.abs(v) <= highest
         pairs = v[keep], x[:, keep], y[:, keep]
-        errors = pair_errors(A, *pairs)
-        wrong = inaccurate(A, *pairs, errors)
+        errors, wrong = judged_pairs(A, *pairs)
         lost = max(number - _number(pairs[0], upper), 0)
         faults = np.count_nonzero(wrong) + lost
-        tried.append((faults / max(len(wrong) + lost, 1), (*pairs, errors), wrong))
+        tried.append((faults / max(len(wrong) + lost, 1), (*pairs, errors, wrong)))
         if tried[-1][0] <= _FEW_OF_ASKED and lost == 0 and faults <= _FEW * len(A[0]) * (len(A) - 1):
             break
     if not tried:
         raise NotConvergedError("LAPACK finds no eigenvalues of these matrices")
-    _, best, wrong = min(tried, key=lambda t: t[0])
+    best = min(tried, key=lambda t: t[0])[1]
+    wrong = best[4]
     lost = number - _number(best[0][~wrong], upper)
     if number <= _number(best[0], upper):
         return best
-    rest = [found for _, pairs, _ in tried if (found := _fastest(pairs, lost, best[0][~wrong], upper)) is not None]
+    rest = [found for _, pairs in tried if (found := _fastest(pairs, lost, best[0][~wrong], upper)) is not None]
     if not rest:
         return best
     fast = min(rest, key=lambda pairs: float(pairs[3].max()))
-    v, x, y, errors = (np.concatenate([p[..., ~wrong], q], axis=-1) for p, q in zip(best, fast, strict=True))
-    return v, x, y, errors
+    v, x, y, errors, wrong = (np.concatenate([p[..., ~wrong], q], axis=-1) for p, q in zip(best, fast, strict=True))
+    return v, x, y, errors, wrong
 
 
 def _fastest(pairs: _Pairs, number: int, others: np.ndarray, upper: bool) -> _Pairs | None:
@@ -224,8 +226,8 @@ def _fastest(pairs: _Pairs, number: int, others: np.ndarray, upper: bool) -> _Pa
     chosen = order[:count]
     if np.abs(pairs[0][chosen]).min() <= APART * np.abs(others).max(initial=0.0):
         return None
-    v, x, y, errors = (part[..., chosen] for part in pairs)
-    return v, x, y, errors
+    v, x, y, errors, wrong = (part[..., chosen] for part in pairs)
+    return v, x, y, errors, wrong
 
 
 def _finite(A: Sequence[np.ndarray], pairs: Pairs, huge: float) -> Pairs:

@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .polish import inaccurate, pair_errors
+from .polish import judged_pairs, pair_errors
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]  # eigenvalues (k,), right and left vectors (n, k)
 APART = 1.001  # at least this ratio of two eigenvalues is between those that are taken from one list and another
@@ -103,7 +103,7 @@ def _together(A: Sequence[np.ndarray], low: Pairs, high: Pairs) -> Pairs:
     for v, x, y in (low, high):
         order = np.argsort(np.abs(v), kind="stable")
         parts.append((v[order], x[:, order], y[:, order]))
-    wrong = [inaccurate(A, *pairs, pair_errors(A, *pairs)) for pairs in parts]
+    wrong = [judged_pairs(A, *pairs)[1] for pairs in parts]
     sizes = [np.abs(v) for v, _, _ in parts]
     m = min(map(len, sizes))
     if m < 2:
@@ -244,13 +244,14 @@ def massless_apart(A: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray | 
         Orthogonal. It mixes only unknowns that mass couples. None where M has full rank but for empty rows.
     """
     M, T = A[-1], None
+    if np.count_nonzero(M) == M.size and _is_definite(M):  # as of most projections
+        return A, None
     labels = connected_components(sp.csr_array(M), directed=False)[1]
     light = []
     for label in np.flatnonzero(np.bincount(labels) > 1):
         own = np.flatnonzero(labels == label)
         block, limit = M[np.ix_(own, own)], _SINGULAR * len(own) * np.finfo(float).eps
-        factor, failed = la.lapack.dpotrf(np.sign(np.trace(block)) * block)
-        if not failed and la.lapack.dpocon(factor, la.norm(block, 1))[0] > limit:
+        if _is_definite(block):
             continue
         w, v = la.eigh(block)
         T = np.eye(len(M)) if T is None else T
@@ -262,6 +263,12 @@ def massless_apart(A: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray | 
     for rows in light:
         turned[-1][rows] = turned[-1][:, rows] = 0.0
     return turned, T
+
+
+def _is_definite(M: np.ndarray) -> bool:
+    """Return whether a symmetric matrix (k, k), or its negative, is positive definite beyond rounding."""
+    factor, failed = la.lapack.dpotrf(np.sign(np.trace(M)) * M)
+    return not failed and bool(la.lapack.dpocon(factor, la.norm(M, 1))[0] > _SINGULAR * len(M) * np.finfo(float).eps)
 
 
 def regular_lu(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -168,7 +168,7 @@ def defective_error(
     Parameters
     ----------
     right, left : (n, k)
-        Modes of unit mass.
+        The right ones of unit mass.
     """
     error = np.zeros(len(values))
     cluster, size = _clusters(values)
@@ -177,7 +177,7 @@ def defective_error(
         x = right[:, i]
         cosine = np.minimum(np.abs(x.conj().T @ (pencil.M @ x)), 1.0)
         alike = np.maximum((1 - cosine**2 <= _ONE_SHAPE).sum(axis=1), 1)
-        size_of = np.einsum("ij,ij->j", np.abs(left[:, i]), magnitude[:, i])
+        size_of = np.einsum("ij,ij->j", np.abs(unit_mass(pencil, left[:, i])), magnitude[:, i])
         error[i] = np.where(alike > 1, size_of * ROUNDING ** (1 / alike), 0.0)
     return error
 

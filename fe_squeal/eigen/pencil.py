@@ -42,7 +42,7 @@ class FreeMotions:
 
 @dataclass(frozen=True)
 class Pencil:
-    """Matrices of (λ²M + λC + K) u = 0.
+    """Matrices of (λ²M + λC + K) u = 0, sparse, or arrays as of projections.
 
     Attributes
     ----------
@@ -87,9 +87,9 @@ class Pencil:
             return "quadratic"
         return "symmetric" if self.symmetric else "nonsymmetric"
 
-    def apply(self, lam: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the columns (λ²M + λC + K) u for λ (k,) and u (n, k)."""
-        r = lift(self.M, u) * lam**2 + lift(self.K, u)
+    def apply(self, lam: np.ndarray, u: np.ndarray, Mu: np.ndarray | None = None) -> np.ndarray:
+        """Return the columns (λ²M + λC + K) u for λ (k,) and u (n, k); M u may be known."""
+        r = (lift(self.M, u) if Mu is None else Mu) * lam**2 + lift(self.K, u)
         return r if self.C is None else r + lift(self.C, u) * lam
 
     @cached_property

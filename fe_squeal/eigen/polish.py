@@ -59,27 +59,28 @@ def pair_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.nda
     x, y : (n, k) float or complex
         Right and left vectors.
     """
-    left = _backward_errors([Aj.conj().T for Aj in A], v.conj(), y)
-    return np.maximum(_backward_errors(A, v, x), left)
+    return judged_pairs(A, v, x, y)[0]
 
 
-def inaccurate(
-    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
-) -> np.ndarray:
-    """Return (k,) which eigenpairs with these `pair_errors` are not as exact as they could be.
+def judged_pairs(
+    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (k,) the `pair_errors` of eigenpairs, and which of these are not as exact as they could be.
 
     Beside those with a large backward error it is those whose Rayleigh quotient v − yᴴQ(v)x / yᴴQ'(v)x is another v.
     """
-    residual, slope = lift(A[0], x), np.zeros_like(x)
-    for j, Aj in enumerate(A[1:], 1):
-        Ajx = lift(Aj, x)
-        residual, slope = residual + Ajx * v**j, slope + j * Ajx * v ** (j - 1)
-    by, size = (np.abs(np.einsum("ij,ij->j", y.conj(), f)) for f in (residual, slope * v))
-    return np.asarray(~(error <= ACCURATE) | (error > _ROUNDING) & (by > _MOVED * size))
+    sizes = [np.abs(Aj) for Aj in A]
+    right, products = _backward_errors(A, sizes, v, x)
+    left, _ = _backward_errors([Aj.T.conj() for Aj in A], [size.T for size in sizes], v.conj(), y)
+    error = np.maximum(right, left)
+    by = np.array([np.einsum("ij,ij->j", y.conj(), Ajx) for Ajx in products])  # yᴴA_jx
+    powers = v ** np.arange(len(A))[:, None]
+    residual, slope = np.abs((powers * by).sum(axis=0)), np.abs((np.arange(len(A))[:, None] * powers * by).sum(axis=0))
+    return error, np.asarray(~(error <= ACCURATE) | (error > _ROUNDING) & (residual > _MOVED * slope))
 
 
 def polish_pairs(
-    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray
+    A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray, y: np.ndarray, error: np.ndarray, wrong: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pairs with the inaccurate ones improved by inverse iteration with the Rayleigh quotient of both sides.
 
@@ -92,13 +93,13 @@ def polish_pairs(
     v : (k,)
     x, y : (n, k)
         Right and left vectors, Q(v)x = 0 and yᴴQ(v) = 0.
-    error : (k,)
-        Their `pair_errors`.
+    error, wrong : (k,)
+        Their `judged_pairs`: backward errors, and whether they are inaccurate.
     """
     start, error = v, error.copy()
     v, x, y = v.copy(), x.copy(), y.copy()
     is_real = not any(np.iscomplexobj(Aj) for Aj in A)
-    for i in np.flatnonzero(inaccurate(A, v, x, y, error)):
+    for i in np.flatnonzero(wrong):
         pair = start[i], x[:, i], y[:, i]
         if is_real and start[i].imag == 0:
             pair = start[i].real, x[:, i].real, y[:, i].real
@@ -190,14 +191,16 @@ def _matrices(A: Sequence[np.ndarray], v: complex) -> tuple[np.ndarray, np.ndarr
     return Q, slope
 
 
-def _backward_errors(A: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return ‖Q(v)x‖ / ‖Σ|v|ʲ|A_j||x|‖ for each column of x."""
-    a = np.abs(x)
-    residual, magnitude = lift(A[0], x), np.abs(A[0]) @ a
-    for j, Aj in enumerate(A[1:], 1):
-        residual, magnitude = residual + lift(Aj, x) * v**j, magnitude + (np.abs(Aj) @ a) * np.abs(v) ** j
+def _backward_errors(
+    A: Sequence[np.ndarray], sizes: Sequence[np.ndarray], v: np.ndarray, x: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return ‖Q(v)x‖ / ‖Σ|v|ʲ|A_j||x|‖ for each column of x, and the products A_jx; the sizes are |A_j|."""
+    a, products = np.abs(x), [lift(Aj, x) for Aj in A]
+    residual, magnitude = products[0], sizes[0] @ a
+    for j, (Ajx, size) in enumerate(zip(products[1:], sizes[1:], strict=True), 1):
+        residual, magnitude = residual + Ajx * v**j, magnitude + (size @ a) * np.abs(v) ** j
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.linalg.norm(residual, axis=0) / np.linalg.norm(magnitude, axis=0))
+        return np.asarray(np.linalg.norm(residual, axis=0) / np.linalg.norm(magnitude, axis=0)), products
 
 
 def _power_of_two(x: np.ndarray) -> np.ndarray:

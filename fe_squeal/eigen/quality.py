@@ -42,16 +42,16 @@ def modes_from_theta(
         Whether left vectors are so exact that a residual moves an eigenvalue only as far as they see it.
     """
     theta, right, left = separated_divergences(pencil, theta, unit_mass(pencil, right), left)
-    lefts = unit_mass(pencil, left)
-    left = biorthogonal(left, left.conj().T @ lift(pencil.M, right), theta)
+    lefts, Mright = left, lift(pencil.M, right)
+    left = biorthogonal(left, left.conj().T @ Mright, theta)
     lam = 1j * np.sqrt(theta.astype(complex))
-    residual = pencil.apply(lam, right)
+    residual = pencil.apply(lam, right, Mright)
     magnitude = pencil.magnitude(lam, right)
     backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, theta)
     seen = 0.0 if second_order else np.abs(residual)
     least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
-    u_theta = near_coalescence(first_order, least, theta, _products(pencil, right))
+    u_theta = near_coalescence(first_order, least, theta, right.conj().T @ Mright)
     u_theta = np.maximum(u_theta, defective_error(pencil, theta, right, lefts, magnitude))
 
     # A rigid mode: θ is zero within what rounding leaves.
@@ -98,11 +98,11 @@ def modes_from_lambda(
     """
     lam, right, left = separated(pencil, lam, unit_mass(pencil, right), left)
     # ψ_iᴴ((λ_i + λ_j)M + C)φ_j vanishes for λ_i ≠ λ_j, and is ψᴴ(2λM + C)φ on the diagonal.
-    lefts = unit_mass(pencil, left)
-    mass = left.conj().T @ lift(pencil.M, right)
+    lefts, Mright = left, lift(pencil.M, right)
+    mass = left.conj().T @ Mright
     gram = (lam[:, None] + lam[None, :]) * mass + left.conj().T @ lift(pencil.C, right)
     left = biorthogonal(left, gram, lam, _rounding_at_rest(pencil, lam, right, left))
-    residual = pencil.apply(lam, right)
+    residual = pencil.apply(lam, right, Mright)
     magnitude = pencil.magnitude(lam, right)
     backward = _relative(pencil, residual, magnitude)
     first_order, amplification = _perturbation(left, residual, magnitude, lam)
@@ -111,7 +111,7 @@ def modes_from_lambda(
     least = np.einsum("ij,ij->j", np.abs(right), seen + ROUNDING * magnitude)
     with np.errstate(over="ignore"):  # for λ = 0 without damping the derivative of λ is infinite
         least = least / np.maximum(2 * np.abs(lam) + dissipation, np.finfo(float).tiny)
-    u = near_coalescence(first_order, least, lam, _products(pencil, right))
+    u = near_coalescence(first_order, least, lam, right.conj().T @ Mright)
     slope = np.where(lam == 0, np.inf, 2 * np.abs(lam))
     u = np.maximum(u, defective_error(pencil, lam, right, lefts, magnitude / slope))
     rounding = rounding_of_zero(pencil, lam, right, second_order)
@@ -246,11 +246,6 @@ def _perturbation(
         through = np.fmin(np.sqrt(both), both / gap)
     np.fill_diagonal(through, T.diagonal())
     return through.sum(axis=1), amplification.diagonal()
-
-
-def _products(pencil: Pencil, right: np.ndarray) -> np.ndarray:
-    """Return φ_iᴴMφ_j (k, k) of modes φ (n, k)."""
-    return np.asarray(right.conj().T @ lift(pencil.M, right))
 
 
 def eigenvalue_errors(pencil: Pencil, lam: np.ndarray, right: np.ndarray, left: np.ndarray) -> np.ndarray:

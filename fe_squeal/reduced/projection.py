@@ -125,10 +125,7 @@ class Projection:
     def _pencil(self, value: Place) -> Pencil:
         M, C, K, symmetric = self.matrices(value)
         slow = self.slow
-        return Pencil(
-            sp.csr_array(M), sp.csr_array(K), None if C is None else sp.csr_array(C), symmetric,
-            None if slow is None else slow.cancelled, self.free_motions(value),
-        )  # fmt: skip
+        return Pencil(M, K, C, symmetric, None if slow is None else slow.cancelled, self.free_motions(value))
 
     def matrices(self, value: Place) -> _Matrices:
         """Return the projected M, C and K at a value, (r, r) each, and whether K is symmetric; the last are kept."""
