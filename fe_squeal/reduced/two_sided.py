@@ -130,8 +130,9 @@ class TwoSided:
         """
         nodes = self._nodes[:count]
         around = _around(nodes, value)
-        swing = all(n.swings.all() for n in nodes)
-        if not swing or around is None or basis.has_slow or basis.free_motions(value).motions.shape[1]:
+        if around is None or basis.has_slow or basis.free_motions(value).motions.shape[1]:
+            return None
+        if not all(n.swings.all() for n in around):  # a mode that does not swing there, and has no vector, may here
             return None
         sides = self._sides(nodes)
         if sides[0].shape[1] > _PAYS * len(basis):

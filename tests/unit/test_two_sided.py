@@ -135,6 +135,20 @@ def test_modes_that_do_not_swing_are_left_to_lapack():
     assert answers == [True, False]
 
 
+def test_modes_that_do_not_swing_elsewhere_leave_other_values_alone():
+    """Where a mode creeps at the last node, nothing is told next to that; what is told elsewhere is right."""
+    whole = Whole(chain(*CLASSES["quadratic"], n=SIZE))
+    known, highest = known_at(whole, NODES)
+    last = known._nodes[-1]
+    known._nodes[-1] = replace(last, swings=np.arange(len(last.swings)) > 0)
+    for value in BETWEEN:
+        modes = known.modes(whole, value, REQUEST, highest)
+        assert (modes is None) == (value > NODES[-2])
+        if modes is not None:
+            exact = whole.modes(value, GUARDED * highest).lam[: REQUEST.count]
+            assert (np.abs(modes.lam[: REQUEST.count] - exact) <= 1e-2 * TOLERANCE * np.abs(exact)).all()
+
+
 @pytest.mark.parametrize("kind", some(["quadratic", "complex"], lambda kind: kind == "complex"))
 def test_a_stored_model_gives_the_same_modes(kind):
     """At the values that it was made for, whatever it became after these, and between them."""
