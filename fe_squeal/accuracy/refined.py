@@ -134,24 +134,21 @@ class FinerMesh:
     def prepared(
         cls, problem: Problem, parameter: str, values: Sequence[float], linear_solver: LinearSolver | str
     ) -> FinerMesh:  # fmt: skip
-        """Do the same for the mesh of a problem, assemble bodies and contacts, and collect the terms where that is all.
+        """Do the same for the mesh of a problem, and collect its terms; static states are found for that.
 
-        Where effects need a static state, which takes factors, the parameter changes matrices, or it has one value
-        (m = 1), nothing is collected.
+        Of a single value (m = 1) nothing is collected.
         """
         coarse = problem.source
         assert isinstance(coarse, Assembly)
         finer = cls.of(coarse)
         assert finer.assembly is not None
-        finer.assembly.prepare()
-        is_static = getattr(problem.discretisation, "static_state", None) is not None
-        if is_static or len(values) == 1 or not problem.is_affine(parameter):
+        if len(values) == 1:
+            finer.assembly.prepare()
             return finer
-        on_fine = finer.assembly.solved_with(linear_solver).problem(problem.changed)
-        if not on_fine.is_affine(parameter):
-            return finer
-        made = cls(None, finer.space, finer.prolongation, collect_powers(on_fine, parameter), problem.changed)
-        del finer, on_fine
+        changed = _changed(problem, parameter, values)
+        collected = _collected(finer.assembly, changed, parameter, np.array(values), parameter, linear_solver)
+        made = cls(None, finer.space, finer.prolongation, collected, changed)
+        del finer
         gc.collect()  # an assembly and its problems refer to each other; the terms are as large as their sums
         return made
 
@@ -203,9 +200,7 @@ def refine_problem(
     finer = None if ahead is None else ahead.take()
     require_memory(refined_memory(result) - taken, _CHILDREN * problem.unknowns, "modes on the refined mesh")
     values = np.array([p.value for p in result.points])
-    changed = problem.changed
-    if not problem.is_affine(parameter):  # then no other static state is found than those that are interpolated
-        changed = {**changed, **dict.fromkeys(paths_of(parameter), float(values[0]))}
+    changed = _changed(problem, parameter, values)
     axis, at = (parameter, values) if len(values) > 1 else (_VALUE, np.zeros(1))
     if finer is None or not finer.serves(axis, changed):
         finer = FinerMesh.of(assembly)
@@ -214,9 +209,8 @@ def refine_problem(
     own = {t.name: c for t, c in zip(basis.problem.terms, basis.metric, strict=True)}
     if finer.collected is None:
         assert finer.assembly is not None
-        on_fine = finer.assembly.solved_with(linear_solver).problem(changed).prepared(parameter, values)
-        finer = replace(finer, assembly=None, collected=collect_powers(_affine(on_fine, parameter, values), axis))
-        del on_fine
+        own_terms = _collected(finer.assembly, changed, parameter, values, axis, linear_solver)
+        finer = replace(finer, assembly=None, collected=own_terms)
         gc.collect()  # an assembly and its problems refer to each other; the terms are as large as their sums
     assert finer.collected is not None
     collected = finer.collected.at({axis: basis.problem.value(axis)})
@@ -259,6 +253,26 @@ def _matrices_memory(problem: Problem) -> int:
     pencil = problem.pencil()
     entries = sum(A.nnz for A in (pencil.M, pencil.C, pencil.K) if A is not None)
     return _CHILDREN * _COPIES * 12 * entries
+
+
+def _changed(problem: Problem, parameter: str, values: Sequence[float] | np.ndarray) -> Mapping[str, float]:
+    """Return the numbers that differ from those of the scene where the refined problem is made.
+
+    A parameter that changes matrices has its first value there, so that no other static state is found than those that
+    are interpolated.
+    """
+    if problem.is_affine(parameter):
+        return problem.changed
+    return {**problem.changed, **dict.fromkeys(paths_of(parameter), float(values[0]))}
+
+
+def _collected(
+    fine: Assembly, changed: Mapping[str, float], parameter: str, values: np.ndarray, axis: str,
+    linear_solver: LinearSolver | str,
+) -> Problem:  # fmt: skip
+    """Return the problem of the refined mesh in its affine form, its terms collected by powers of a parameter."""
+    on_fine = fine.solved_with(linear_solver).problem(changed).prepared(parameter, values)
+    return collect_powers(_affine(on_fine, parameter, values), axis)
 
 
 def _affine(problem: Problem, parameter: str, values: np.ndarray) -> Problem:

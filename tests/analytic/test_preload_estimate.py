@@ -73,6 +73,20 @@ def test_a_model_of_its_own_gives_the_same(swept, own, monkeypatch):
         assert known.sum() >= 3 and (np.abs(a - b)[known] <= 1e-3 * np.abs(b[known])).all()
 
 
+def test_what_is_begun_beside_the_sweep_is_the_same(monkeypatch):
+    """Static states and interpolated matrices of the refined mesh, collected before there are modes."""
+    problem = tipping(0.3, load=(0.0, 1.0), height=0.35, cells=4)
+    ahead = refined.finer_mesh_ahead(problem, "mu", VALUES)
+    result = sweep(problem, VALUES, modes=4, method="reduced")
+    expected = refined.refine_problem(result).problem
+    monkeypatch.setattr(refined.FinerMesh, "of", None)  # it is not made again
+    found = refined.refine_problem(result, ahead=ahead).problem
+    assert found.parameters == expected.parameters
+    for term, other in zip(found.terms, expected.terms, strict=True):
+        assert (term.name, term.slot, term.powers) == (other.name, other.slot, other.powers)
+        assert abs(term.matrix - other.matrix).max() <= 1e-12 * abs(other.matrix).max()
+
+
 @pytest.mark.slow
 def test_bars_hold_where_matrices_are_interpolated():
     """Contacts open one after the other from 0.45 on, which no parabola follows: λ of the interpolated matrices are off
