@@ -32,7 +32,7 @@ from mesh_bars import with_section_of  # noqa: E402
 HEAD = "## The gallery: where the seconds go"
 PARTS = "LAPACK", "factorisations", "solves", "sparse products", "products of vectors", "Python and NumPy"
 _FACTORISING = "__init__"  # of PARDISO's factors: what calls for a factorisation, while others call for solves
-NOTE = """CPU seconds of a sweep of {values} values by `auto` in one thread, under Python's profiler, which adds to
+NOTE = """CPU seconds of a sweep by `auto` in one thread, under Python's profiler, which adds to
 the last column, and what they are spent on: decompositions of the small matrices of reduced models and of steps by
 LAPACK, factorisations, solves, products of sparse matrices with vectors, products of blocks of vectors by the BLAS.
 What is left is Python's and NumPy's."""
@@ -85,7 +85,8 @@ def profile(model: Model, size: float, values: int) -> dict:
             by_name[name] += spent
         for part, share in part_of(function, by_name).items():
             seconds[part] += share * own
-    return {"model": model.name, "unknowns": problem.unknowns, "method": found.method, "seconds": dict(seconds)}
+    told = {"values": values, "date": time.strftime("%Y-%m-%d")}
+    return told | {"model": model.name, "unknowns": problem.unknowns, "method": found.method, "seconds": dict(seconds)}
 
 
 def run(model: Model, rung: int, values: int) -> dict:
@@ -103,15 +104,32 @@ def line(row: dict) -> str:
     total = sum(row["seconds"].values())
     shares = [f"{100 * row['seconds'].get(part, 0.0) / total:.0f} %" for part in PARTS]
     way = "reduced" if row["method"].startswith("reduced") else "direct"
-    return "| " + " | ".join([row["model"], str(row["unknowns"]), way, f"{total:.1f}", *shares]) + " |"
+    cells = [row["model"], str(row["unknowns"]), way, f"{total:.1f}", *shares, str(row["values"]), row["date"]]
+    return "| " + " | ".join(cells) + " |"
 
 
-def section(rows: list[dict], values: int) -> str:
-    """Return the section of the page."""
-    head = ("model", "unknowns", "way", "CPU, s", *PARTS)
-    made = f"Made by `python benchmarks/gallery/profiles.py --write`; {time.strftime('%Y-%m-%d')}."
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|", *map(line, rows)]
-    return f"{HEAD}\n\n{NOTE.format(values=values)}\n{made}\n\n" + "\n".join(lines) + "\n"
+def with_earlier(lines: list[str], page: str) -> list[str]:
+    """Return rows with those of other models and sizes that the page has, in the order of the gallery.
+
+    Examples
+    --------
+    >>> with_earlier(["| strong | 20 | new |"], "| weak | 9 | old |\\n| strong | 20 | old |")
+    ['| weak | 9 | old |', '| strong | 20 | new |']
+    """
+    names = [m.name for m in MODELS]
+    known = {tuple(cell.strip() for cell in row.split("|")[1:3]): row for row in [*page.splitlines(), *lines]}
+    columns = lines[0].count("|")
+    own = {key: row for key, row in known.items() if len(key) == 2 and key[0] in names and row.count("|") == columns}
+    return [own[key] for key in sorted(own, key=lambda key: (names.index(key[0]), int(key[1])))]
+
+
+def section(rows: list[dict], page: str) -> str:
+    """Return the section of the page, with what its table has of other models and sizes."""
+    head = ("model", "unknowns", "way", "CPU, s", *PARTS, "values", "measured")
+    made = f"Made by `python benchmarks/gallery/profiles.py --write`; {os.cpu_count()} cores, shared with other work."
+    before = page.partition(HEAD)[2].partition("\n## ")[0]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|", *with_earlier(list(map(line, rows)), before)]
+    return f"{HEAD}\n\n{NOTE}\n{made}\n\n" + "\n".join(lines) + "\n"
 
 
 def main() -> None:
@@ -135,7 +153,7 @@ def main() -> None:
         rows = list(pool.map(lambda size: run(*size, given.values), sizes))
     if given.write:
         text = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(with_section_of(HEAD, text, section(rows, given.values)), encoding="utf-8")
+        PAGE.write_text(with_section_of(HEAD, text, section(rows, text)), encoding="utf-8")
 
 
 if __name__ == "__main__":

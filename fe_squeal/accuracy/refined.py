@@ -142,8 +142,8 @@ class FinerMesh:
         assert isinstance(coarse, Assembly)
         finer = cls.of(coarse)
         assert finer.assembly is not None
+        finer.assembly.prepare()
         if len(values) == 1:
-            finer.assembly.prepare()
             return finer
         changed = _changed(problem, parameter, values)
         collected = _collected(finer.assembly, changed, parameter, np.array(values), parameter, linear_solver)
