@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from ..eigen.blocks import combine, cross, times
 from ..eigen.pencil import Modes
 from ..reduced.basis import ReducedBasis
-from ..reduced.vectors import interior_nodes, of_length, range_of, real_columns, unit_columns
+from ..reduced.vectors import interior_nodes, range_of, real_columns, unit_columns
 from ..sweep.scale import Scale
 from .corrections import Correction, solved
 from .refined import Refined
@@ -25,9 +25,9 @@ from .two_level import TwoLevelSolver
 _LONG, _NEGLIGIBLE = 0.005, 0.001
 _NODES = 5  # values of the parameter whose modes span the final basis
 _FINE = 1e-5  # of a vector's norm: if its part outside the basis is smaller, the basis is not enlarged by it
-# Of a complex correction's norm: shorter parts are left out, as the imaginary ones of lightly damped modes. The change
-# of an eigenvalue is then off by the square of that.
-_FAINT = 0.03
+# Of the energy of a complex correction, that is about of the change of its eigenvalue: parts with less are left out, as
+# the imaginary parts of lightly damped modes.
+_FAINT = 1e-3
 
 
 class CorrectedModel:
@@ -70,7 +70,7 @@ class CorrectedModel:
         EV = times(refined.prolongation, combine(model.basis.V, own))
         basis.append(EV)
         for correction in corrections.values():
-            basis.append(_main_columns(correction.right))
+            basis.append(_main_columns(correction.right, correction.energies, refined))
         for value in sorted({float(values[0]), float(values[-1])}):
             self._correct_left(basis, refined, value, corrections[value])
         self.iterations = refined.solver.iterations
@@ -85,7 +85,7 @@ class CorrectedModel:
         assert modes.left is not None
         if basis.pencil(value).problem_class != "symmetric":
             z, of_left = solved(refined.solver, first.left_residuals)
-            basis.append(_main_columns(z))
+            basis.append(_main_columns(z, of_left, refined))
             energies.append(of_left)
         sides = zip(energies, (modes.right, modes.left), strict=False)
         long = np.any([own > _LONG * np.linalg.norm(side, axis=0) ** 2 for own, side in sides], axis=0)
@@ -118,13 +118,17 @@ class CorrectedModel:
         return np.asarray(self._coordinates @ shapes)
 
 
-def _main_columns(z: np.ndarray) -> np.ndarray:
-    """Return real columns that span vectors z (n, k), but for parts of complex ones that are shorter than `_FAINT`."""
+def _main_columns(z: np.ndarray, energies: np.ndarray, refined: Refined) -> np.ndarray:
+    """Return real columns that span corrections z (n, k), but for parts of complex ones with less than `_FAINT`.
+
+    The energies (k,) are zᴴPz.
+    """
     if not np.iscomplexobj(z):
         return z
-    parts = real_columns(of_length(z, np.ones(z.shape[1])))
-    w, v = np.linalg.eigh(cross(parts, parts))
-    return combine(parts, v[:, w > _FAINT**2])
+    loaded = energies > 0
+    parts = real_columns(z[:, loaded] / np.sqrt(energies[loaded]))
+    w, v = np.linalg.eigh(cross(parts, times(refined.P, parts)))
+    return combine(parts, v[:, w > _FAINT])
 
 
 def _asked(basis: ReducedBasis, value: float, refined: Refined) -> Modes:

@@ -6,10 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from fe_squeal import assemble, parse_scene, sweep
-from fe_squeal.accuracy import quantities, two_level
+from fe_squeal.accuracy import corrected, quantities, two_level
+from fe_squeal.accuracy.corrected import CorrectedModel, _main_columns
 from fe_squeal.accuracy.corrections import right_corrections, solved
 from fe_squeal.accuracy.discretisation import with_discretisation
 from fe_squeal.accuracy.estimate import changes_by
@@ -101,6 +103,40 @@ def test_shared_corrections_change_nothing(case):
     )
     shared, own = changes_by(result, refined, "auto", corrections), changes_by(result, refined)
     np.testing.assert_allclose(shared.onsets, own.onsets, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.02, 1), (0.1, 2)])
+def test_faint_parts_of_corrections_are_left_out(share, kept):
+    """By their part of the energy: in units of P in which one unknown is a million times as stiff as another."""
+    P = sp.csr_array(np.diag([1.0, 1e6, 1.0]))
+    z = np.array([[5.0, 0.0, 0.0]]).T + 1j * share * np.array([[0.0, 5e-3, 0.0]]).T
+    energies = np.array([25 * (1 + share**2)])
+    found = _main_columns(z, energies, SimpleNamespace(P=P))
+    assert found.shape == (3, kept) and np.linalg.matrix_rank(np.hstack([found, z.real])) == kept
+    np.testing.assert_array_equal(_main_columns(z.real, energies, SimpleNamespace(P=P)), z.real)
+
+
+def test_what_faint_parts_change_is_within_what_corrections_are_good_for(monkeypatch):
+    """Of light Rayleigh damping with friction: vectors are saved, and changes of λ are the same within 2.5 %."""
+    problem = make_problem(
+        box("hex1", (3, 2, 2), (0.08, 0.05, 0.03)), order=1,
+        materials={"m": {"youngs_modulus": 2e9, "poisson_ratio": 0.3, "density": 2600.0}},
+        supports=[{"surface": "left", "fixed": "xyz"}],
+        contacts=[{"name": "belt", "surface": "bottom", "counterface": "rigid", "normal_stiffness": 1e11,
+                   "sliding": BELT}], effects={"friction": {"mu": 0.3}, "rayleigh": {"beta": 2e-7}},
+    )  # fmt: skip
+    result = sweep(problem, [0.0, 0.2, 0.4], modes=6)
+    refined = refine_problem(result)
+    corrections, sizes, changes = right_corrections(result, refined), [], []
+    for faint in (0.0, corrected._FAINT):
+        monkeypatch.setattr(corrected, "_FAINT", faint)
+        sizes.append(len(CorrectedModel(refined, corrections).basis))
+        changes.append(np.concatenate(changes_by(result, refined, corrections=corrections).modes))
+    assert sizes[1] < sizes[0]
+    known = np.isfinite(changes[0])  # two modes that meet on the refined mesh alone have no change of their own
+    np.testing.assert_array_equal(np.isfinite(changes[1]), known)
+    assert known.sum() >= 15
+    assert (np.abs(changes[1] - changes[0]) <= 0.025 * np.abs(changes[0]))[known].all()
 
 
 def test_growth_that_is_not_sure_is_no_quantity(monkeypatch):
