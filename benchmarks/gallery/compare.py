@@ -7,7 +7,7 @@ with MUMPS where the system's Python has it, solve one value for right modes alo
 `--direct-values` says at which numbers of values `direct` takes part, where not at all; what it finds at the last value
 is the reference at every number. A line per measurement is appended to the file of `--log`, and what is there already
 is not measured again; with `--known` nothing is measured, and the table has what is there. `--write` puts the table
-into docs/performance.md.
+into docs/performance.md, where rows of other models stay as they are.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
+from gallery_kept import earlier_rows, in_order  # noqa: E402
 from gallery_models import MODELS, Model  # noqa: E402
 from gallery_table import HEAD, PEERS, section, table_line  # noqa: E402
 from mesh_bars import with_section_of  # noqa: E402
@@ -245,6 +246,7 @@ def main() -> None:
     rows = compare(models, given.largest, given.values, direct, given.ways, log, given.at_once)
     if given.write:
         text = PAGE.read_text(encoding="utf-8")
+        rows = in_order(rows + earlier_rows(text.partition(HEAD)[2].partition("\n## ")[0], rows))
         PAGE.write_text(with_section_of(HEAD, text, section(rows, models, given.limit)), encoding="utf-8")
 
 

@@ -37,6 +37,8 @@ class Model:
         First and last value of `parameter`.
     modes : int
         Number of modes that are solved for.
+    damped : bool
+        Whether anything damps or rotates.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Model:
     stop: float = 1.0
     parameter: str = "mu"
     modes: int = 50
+    damped: bool = False
 
 
 def disc(
@@ -210,14 +213,15 @@ MODELS = (
     Model("free pads", "pads held by the contact alone", lambda h: assembled(free_pads(h)), (0.02, 0.0095)),
     Model("mixed", "linings of Poisson's ratio 0.4995", lambda h: assembled(mixed(h)), (0.02, 0.0098)),
     Model("Rayleigh", "strong coupling, Rayleigh damping", lambda h: assembled(
-        with_effects(strong(h, "hex"), rayleigh={"alpha": 15.0, "beta": 1.5e-7})), (0.02, 0.0095, 0.0055)),
-    Model("loss", "loss factors of all materials", lambda h: assembled(lossy(h)), (0.02, 0.0095)),
-    Model("overdamped", "contacts that overdamp most modes", lambda h: assembled(overdamped(h)), (0.02, 0.0095)),
-    Model("rotating", "doublets apart by 5 %", lambda h: assembled(rotating(h)), (0.02, 0.0078)),
+        with_effects(strong(h, "hex"), rayleigh={"alpha": 15.0, "beta": 1.5e-7})), (0.02, 0.0095, 0.0055), damped=True),
+    Model("loss", "loss factors of all materials", lambda h: assembled(lossy(h)), (0.02, 0.0095), damped=True),
+    Model("overdamped", "contacts that overdamp most modes", lambda h: assembled(overdamped(h)), (0.02, 0.0095),
+          damped=True),
+    Model("rotating", "doublets apart by 5 %", lambda h: assembled(rotating(h)), (0.02, 0.0078), damped=True),
     Model("falling", "falling friction, contact pressure", lambda h: assembled(with_effects(
         disc(h), falling_friction={"slope": -0.02}, friction_damping={"contact_pressure": 1e6},
-        rayleigh={"alpha": 5.0, "beta": 5e-8})), (0.02, 0.0095)),
+        rayleigh={"alpha": 5.0, "beta": 5e-8})), (0.02, 0.0095), damped=True),
     Model("preload", "pads that lift off", lambda h: assembled(pressed(h)), (0.02, 0.0095)),
     Model("matrices", "matrices with powers 1, 2 and -1 of the speed", swept_matrices, (0.02, 0.0095),
-          start=4.0, stop=60.0, parameter="omega"),
+          start=4.0, stop=60.0, parameter="omega", damped=True),
 )  # fmt: skip

@@ -56,16 +56,18 @@ class Aim(NamedTuple):
 
 AIMS = (
     Aim("undamped, about 20 000 unknowns", ("auto",), {21: 4, 101: 12},
-        lambda r: not r["damped"] and 15_000 < r["unknowns"] < 35_000),
+        lambda r: 15_000 < r["unknowns"] < 35_000 and not r["damped"]),
     Aim("undamped, from 35 000 unknowns", ("auto",), {21: 6, 101: 24},
-        lambda r: not r["damped"] and r["unknowns"] > 35_000),
-    Aim("damped or rotating", ("auto",), {21: 4, 101: 12}, lambda r: r["damped"]),
+        lambda r: r["unknowns"] > 35_000 and not r["damped"]),
+    Aim("damped or rotating", ("auto",), {21: 4, 101: 12}, lambda r: r.get("damped", False)),
     Aim("all", ("auto", "direct"), {2: 0.4}, lambda r: True),
 )  # fmt: skip
 
 
 def table_line(r: dict) -> str:
-    """Return one row as Markdown, with what a failure says where a measurement failed."""
+    """Return one row as Markdown, with what a failure says where a measurement failed; as it was if it is earlier."""
+    if "line" in r:
+        return str(r["line"])
     start = f"| {r['model']} | {r['unknowns'] or ''} | {r['values']} | {PEERS.get(r['way'], r['way'])} |"
     if "failed" in r:
         return f"{start} {r['failed'].replace('|', '/')} |" + " |" * (len(COLUMNS) - 5)
@@ -93,8 +95,11 @@ def section(rows: list[dict], models: list[Model], limit: float) -> str:
     about = "\n".join(f"- {m.name}: {m.about}" for m in models)
     when = f"{models[0].modes} modes, limit {limit:g} s; {os.cpu_count()} cores; {time.strftime('%Y-%m-%d')}."
     made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
-    rest = ", ".join(m.name for m in MODELS if m not in models)
-    rest = f"\nNot measured in this run: {rest}.\n" if rest else ""
+    there = {r["model"] for r in rows}
+    earlier = ", ".join(m.name for m in MODELS if m not in models and m.name in there)
+    never = ", ".join(m.name for m in MODELS if m.name not in there)
+    rest = f"\nMeasured earlier: {earlier}.\n" if earlier else ""
+    rest += f"\nNot measured: {never}.\n" if never else ""
     return f"{HEAD}\n\n{NOTE}\n{made}\n\n{about}\n{rest}\n{slower(rows)}\n\n{AIMED}\n\n{aims(rows)}\n\n{table(rows)}\n"
 
 
@@ -127,15 +132,21 @@ def aims(rows: list[dict]) -> str:
     for kind, ways, ratios, belongs in AIMS:
         for way in ways:
             for values, aim in ratios.items():
-                own = [r for r in rows if r["way"] == way and r["values"] == values and "stages" in r and belongs(r)]
-                own = [r for r in own if not math.isnan(r["ratio"])]
+                own = [r for r in rows if r["way"] == way and r["values"] == values and belongs(r)]
+                own = [r for r in own if not math.isnan(r.get("ratio", math.nan))]
                 if not own:
                     continue
                 worst = min(own, key=lambda r: r["ratio"])
-                whole = sum(worst["stages"].values())
-                spent = sorted(((s / whole, STAGES[name]) for name, s in worst["stages"].items()), reverse=True)
-                parts = ", ".join(f"{name} {100 * share:.0f} %" for share, name in spent if share >= _LEAST)
                 of = f"{worst['model']} ({worst['unknowns']})"
-                cells = [kind, way, str(values), f"{aim:g}", f"{worst['ratio']:.2g}", of, parts]
+                cells = [kind, way, str(values), f"{aim:g}", f"{worst['ratio']:.2g}", of, _spent(worst)]
                 lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def _spent(row: dict) -> str:
+    """Return what a sweep's seconds are spent on, in words; of an earlier one what was written then, if anything."""
+    if "spent" in row:
+        return str(row["spent"])
+    whole = sum(row["stages"].values())
+    shares = sorted(((s / whole, STAGES[name]) for name, s in row["stages"].items()), reverse=True)
+    return ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares if share >= _LEAST)

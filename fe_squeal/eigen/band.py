@@ -76,9 +76,10 @@ def band_modes(
             break
         inside = np.sort(modes.lam.imag[(modes.lam.imag <= top) & ~is_beside(modes)])
         missing = max((count or 0) - len(inside), 1)
-        upper = inside[inside > 0.5 * top]
-        density = max(len(upper), 1) / (0.5 * top)
-        step = float(np.clip(1.3 * (missing + 2) / density, 0.05 * top, top))
+        # Modes become denser with their frequency: of a solid their number rises as its square at least, of which the
+        # upper half of the band has three quarters.
+        below = 4 / 3 * max(int(np.count_nonzero(inside > 0.5 * top)), 1)
+        step = top * float(np.clip(np.sqrt(1 + 1.3 * (missing + 2) / below) - 1, 0.05, 1.0))
         # How dense modes are says nothing any more where a step has found none.
         band, expected = (2 * top, min(missing, _ONE_DISC)) if barren else (top + step, missing)
         before = len(known.found)

@@ -14,6 +14,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 
 from ..errors import NotConvergedError
 from .blocks import lift
+from .deflation import Deflation
 from .dense import DENSE_LIMIT
 from .disc import largest_within, room_for
 from .free_modes import FreeModes, States
@@ -95,19 +96,16 @@ class ShiftInverted:
         self.size = len(self._active) + (0 if pencil.C is None else len(self._mass))
         if not len(self._mass):
             raise NotConvergedError("no unknown has a mass")
-        self._free_motions: tuple[np.ndarray, np.ndarray] | None = None
-        self._free: tuple[Solve, Solve] | None = None  # without the known eigenvalues: of the problem, of the adjoint
         out = [] if free is None else [(free.states, free.adjoint_states)]
         if known is not None:
             out.append(known)
-        if out:
-            own, other = (
-                self._own_units((np.hstack([s[0] for s in states]), np.hstack([s[1] for s in states])), d, omega0)
-                for states in zip(*out, strict=True)
-            )
-            self._free = self._projector(own, other, adjoint=False), self._projector(other, own, adjoint=True)
-            Z, MW = own[0], pencil.M @ other[0]
-            self._free_motions = Z, np.linalg.pinv(MW.conj().T @ Z) @ MW.conj().T
+        # States of the problem, and of the adjoint one, that are taken out.
+        self._out = [
+            self._own_units((np.hstack([s[0] for s in states]), np.hstack([s[1] for s in states])), d, omega0)
+            for states in zip(*out, strict=True)
+        ]
+        self._deflations: dict[bool, Deflation] = {}
+        self._motions: tuple[np.ndarray, np.ndarray] | None = None  # what a symmetric pencil's operator takes out
 
     def largest(self, count: int, adjoint: bool = False) -> Pairs:
         """Return the θ or λ nearest the shift and the vectors u; fewer where there are no more.
@@ -132,7 +130,7 @@ class ShiftInverted:
             return finish(nu[order], z[:, order])
         if not self.in_blocks:
             operator, v0 = _operator(self.size, apply, dtype), _start(self.size).astype(dtype)
-            basis, remain = _basis_size(count, self.size), None if self._free is None else self._free[adjoint]
+            basis, remain = _basis_size(count, self.size), self._remain(adjoint)
             v0 = v0 if remain is None else remain(v0)
             require_vectors(self.size, basis + 2 * count, v0.itemsize)
             return self._run(
@@ -195,7 +193,7 @@ class ShiftInverted:
                 return u[self._active]
             return np.concatenate([u[self._active], u[self._mass] + z[:k][self._moving] / shift])
 
-        remain = None if self._free is None else self._free[adjoint]
+        remain = self._remain(adjoint)
 
         def apply(z: np.ndarray) -> np.ndarray:
             return step(z) if remain is None else remain(step(remain(z)))
@@ -266,7 +264,7 @@ class ShiftInverted:
         """
         Z, other = x if self._d is None else x / self._d[:, None], copy(self)
         MZ = self.pencil.M @ Z
-        other._free_motions = Z, np.linalg.pinv(MZ.T @ Z) @ MZ.T
+        other._motions = Z, np.linalg.pinv(MZ.T @ Z) @ MZ.T
         return other
 
     def _factorized(self, sigma: complex) -> Factor:
@@ -295,28 +293,27 @@ class ShiftInverted:
         d = d if self._d is not None else np.ones(len(d))
         return states[0] / d[:, None], states[1] / d[:, None] / omega0
 
-    def _projector(self, states: States, others: States, adjoint: bool) -> Solve:
-        """Return z ↦ z − S (LᴴS)⁻¹ Lᴴz for the invariant states S of this problem and `others` of the adjoint one.
-
-        A state (a, b) of the adjoint problem belongs to the left vectors L = (Cᵀa + Mb, Ma) of this one.
-        """
-        pencil, (u, v), (a, b) = self.pencil, states, others
-        if pencil.C is None:
-            S, L = u[self._active], (pencil.M @ a)[self._active]
-        else:
-            C = pencil.C if adjoint else in_rows(pencil.C.T)
-            shift = np.conj(self._shift) if adjoint else self._shift
-            S = np.vstack([u[self._active], v[self._mass] / shift])
-            L = np.vstack([(C @ a + pencil.M @ b)[self._active], np.conj(shift) * (pencil.M @ a)[self._mass]])
-        S = S / np.linalg.norm(S, axis=0)
-        weights = np.linalg.pinv(L.conj().T @ S) @ L.conj().T
-        return lambda z: z - S @ (weights @ z)
+    def _remain(self, adjoint: bool) -> Solve | None:
+        """Return what takes the known states out of columns, of the problem or the adjoint one; None without any."""
+        if not self._out or not self._out[0][0].shape[1]:
+            return None
+        if adjoint not in self._deflations:
+            own, other = self._out[::-1] if adjoint else self._out
+            C, shift = self.pencil.C, np.conj(self._shift) if adjoint else self._shift
+            transposed = C if C is None or adjoint else in_rows(C.T)
+            self._deflations[adjoint] = Deflation(
+                self.pencil.M, transposed, shift, self._active, self._mass, own, other
+            )  # fmt: skip
+        return self._deflations[adjoint].beside
 
     def _without_free(self, u: np.ndarray) -> np.ndarray:
         """Return displacements (n, ...) of an undamped symmetric pencil less their parts in its free motions."""
-        if self._free_motions is None:
+        if self._motions is None and self._out:
+            Z, MW = self._out[0][0], self.pencil.M @ self._out[1][0]
+            self._motions = Z, np.linalg.pinv(MW.conj().T @ Z) @ MW.conj().T
+        if self._motions is None:
             return u
-        Z, weights = self._free_motions
+        Z, weights = self._motions
         return np.asarray(u - Z @ (weights @ u))
 
     def _pad(self, b: np.ndarray) -> np.ndarray:

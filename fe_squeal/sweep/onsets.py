@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,12 +110,12 @@ def find_step_onsets(
     limit, mattering = _BEYOND * below, _MATTERS * below
     deciding = mattering if halved else None
 
-    def search(first: Node, second: Node) -> Scan:
+    def search(first: Node, second: Node, between: Callable[[float], Node] = step.between) -> Scan:
         return scan(
-            first, second, step.between, limit, scale, deciding, step.is_linear, known, step.apart, step.is_curved
+            first, second, between, limit, scale, deciding, step.is_linear, known, step.apart, step.is_curved
         )
 
-    seen = search(step.end(0), step.end(1))
+    seen = search(step.end(0), step.end(1), step.listed)
     if seen.open:
         # A mode may come into the range of frequencies between the ends. And a pair that becomes two real eigenvalues
         # may leave a strongly decaying one that the solver does not list. The step model has all of them, so its own

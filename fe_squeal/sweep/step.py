@@ -179,6 +179,18 @@ class Step:
         """
         return self._node(self.model, p, self.modes(p, self.reach))
 
+    def listed(self, p: float) -> Node:
+        """Return what `between` does, without modes that decay and hardly swing if the modes at the ends have none.
+
+        A solver that looks for the modes that swing or grow lists none of the others, of which an overdamped problem
+        has many, and a projection on the first ones has them wrong. Without dampers a decaying mode is the mirror image
+        of a growing one, and both are listed.
+        """
+        modes = self.modes(p, self.reach)
+        if not self.in_theta and not any(_creeping(m).any() for m in self.modes_at_ends):
+            modes = modes.select(np.flatnonzero(~_creeping(modes)))
+        return self._node(self.model, p, modes)
+
     def exact(self, p: float) -> Node:
         """Return the same of matrices that are made at the value, and not interpolated.
 
@@ -240,6 +252,11 @@ def real_direction(vectors: np.ndarray) -> np.ndarray:
     parts = np.hstack([vectors.real, vectors.imag])
     _, v = np.linalg.eigh(parts.T @ parts)
     return np.asarray(parts @ v[:, -1])
+
+
+def _creeping(modes: Modes) -> np.ndarray:
+    """Return which modes, (k,) bool, decay as fast as they swing, or faster."""
+    return np.asarray(-modes.lam.real >= np.maximum(modes.lam.imag, np.finfo(float).tiny))
 
 
 def _orthonormal(vectors: np.ndarray, M: sp.csr_array | np.ndarray) -> np.ndarray:
