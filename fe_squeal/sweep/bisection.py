@@ -205,7 +205,7 @@ class Bisection:
     def _solved_at(self, p: float, highest: float, growing: bool = False) -> Modes:
         """Return the modes of the problem at a value up to a frequency, rad/s, and perhaps the growing ones alone."""
         step = self.step
-        pencil = step.problem.pencil({step.parameter: p})
+        pencil = step.pencil(p)
         if step.reduced_model is None:
             # What grows fast is among the modes of a band, however large |λ| is.
             request = Request(max_frequency_hz=highest / (2 * np.pi))
@@ -218,8 +218,12 @@ class Bisection:
         return _FAST * max(highest, *(float(np.abs(m.lam).max(initial=0.0)) for m in self.step.modes_at_ends))
 
     def _lowest(self) -> float:
-        """Return the least |λ|, rad/s, at that end of the step where it is larger: a slow mode may grow as fast."""
-        return max(float(np.abs(m.lam).min()) if len(m) else 0.0 for m in self.step.modes_at_ends)
+        """Return the least |λ|, rad/s, at that end of the step where it is larger: a slow mode may grow as fast.
+
+        Free motions do not count, which have λ = 0 at every value.
+        """
+        moving = (np.abs(m.lam[m.lam != 0]) for m in self.step.modes_at_ends)
+        return max(float(size.min()) if len(size) else 0.0 for size in moving)
 
     def _highest(self, change: Change) -> float:
         lam = change.v if not self.step.in_theta else np.sqrt(-change.v + 0j)

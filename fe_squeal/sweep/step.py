@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..eigen.blocks import faster
 from ..eigen.dense import solve_dense
 from ..eigen.linear.factor import LinearSolver
-from ..eigen.pencil import FreeMotions, Modes
+from ..eigen.pencil import FreeMotions, Modes, Pencil
 from ..problem.forms import is_linear, project
 from ..problem.interpolation import interpolate, interpolate_beside
 from ..problem.parameters import paths_of
@@ -133,6 +133,12 @@ class Step:
         """Return a problem interpolated beside a value, over the distance from it."""
         (low, high), h = self.ends, self.near(value)
         return interpolate_beside(problem, self.parameter, max(value - h, low), min(value + h, high), value)
+
+    def pencil(self, p: float) -> Pencil:
+        """Return the matrices of `problem` at a value, with the rounding that projection has left in slow motions."""
+        pencil = self.problem.pencil({self.parameter: p})
+        slow = None if self.reduced_model is None else self.reduced_model.basis.slow
+        return pencil if slow is None else replace(pencil, cancelled=slow.cancelled)
 
     def modes(self, p: float, highest: float = np.inf) -> Modes:
         """Return the modes of the step model at a value, up to |λ| = highest, rad/s."""

@@ -18,6 +18,8 @@ from fe_squeal.eigen.pencil import Pencil
 from fe_squeal.eigen.request import Request
 from fe_squeal.eigen.shift import BELOW
 from fe_squeal.eigen.solve import solve_modes
+from fe_squeal.errors import NotConvergedError
+from fe_squeal.sweep.roots import Roots
 from meshes import BELT, box, join, make_problem, modes_of, rigid_motions
 
 SIDES = (0.08, 0.04, 0.02)
@@ -100,6 +102,24 @@ def test_divergence_beside_a_rigid_motion(record, counts, method):
             slope = -(onset.crossing_speed**2)
             assert np.abs(theta - slope * step).min() <= 1e-2 * abs(slope * step)
     record(digits(rest, near), "the zero stays zero, both divergences are found", *judged(plain_eigs(pencil, 10), near))
+
+
+def test_divergence_beside_a_rigid_motion_is_bisected(monkeypatch):
+    """Where Newton's method fails, the rigid motion must neither count as growing in the reduced model, in which λ = 0
+    is blurred, nor, as the slowest mode, say how fast the others may grow."""
+
+    def fail(self, change):
+        raise NotConvergedError("Newton's method")
+
+    inclined = {"name": "piston", "surface": "top_pad", "direction": [0.3, 0.1, 1.0], "stiffness": 2e8}
+    problem, values = brake(SMALL, springs=[inclined]), np.linspace(0.3, 0.35, 2)
+    by_newton = fe_squeal.sweep(problem, values, modes=10, method="direct").onsets
+    monkeypatch.setattr(Roots, "of", fail)
+    result = fe_squeal.sweep(problem, values, modes=10, method="reduced")
+    assert len(result.warnings) == 1 and "1 of the modes are rigid motions" in result.warnings[0]
+    assert [o.kind for o in result.onsets] == [o.kind for o in by_newton] == ["divergence"] * 2
+    for onset, exact in zip(result.onsets, by_newton, strict=True):
+        assert abs(onset.value - exact.value) <= onset.uncertainty + exact.uncertainty <= 1e-6
 
 
 @pytest.mark.parametrize(
