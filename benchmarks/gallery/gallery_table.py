@@ -92,10 +92,10 @@ def table(rows: list[dict]) -> str:
 
 def section(rows: list[dict], models: list[Model], limit: float) -> str:
     """Return the section of the page."""
-    about = "\n".join(f"- {m.name}: {m.about}" for m in models)
+    there = {r["model"] for r in rows}
+    about = "\n".join(f"- {m.name}: {m.about}" for m in MODELS if m.name in there)
     when = f"{models[0].modes} modes, limit {limit:g} s; {os.cpu_count()} cores; {time.strftime('%Y-%m-%d')}."
     made = f"Made by `python benchmarks/gallery/compare.py --write`; {when}"
-    there = {r["model"] for r in rows}
     earlier = ", ".join(m.name for m in MODELS if m not in models and m.name in there)
     never = ", ".join(m.name for m in MODELS if m.name not in there)
     rest = f"\nMeasured earlier: {earlier}.\n" if earlier else ""
