@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ..eigen.blocks import combine, cross, times
 from ..eigen.columns import Columns
-from ..eigen.inertia import count_below
-from ..eigen.linear.choice import factorize_roughly
+from ..eigen.inertia import finite_below
+from ..eigen.linear.choice import factorize_roughly, negative_eigenvalues
 from ..eigen.linear.factor import Factor, LinearSolver
 from ..eigen.linear.spread_matrix import in_rows
 from ..eigen.pencil import Pencil
@@ -71,21 +72,42 @@ def vectors_beside(
     spectra = [np.linalg.eigvalsh(K - c * M) for c in squares]
     clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
     c = float(squares[clear])
-    soft = _symmetric_part(basis.problem.at(values_at(basis.parameter, value)))
-    counted = count_below(soft, float(np.sqrt(c)), linear_solver)
+    problem = basis.problem.at(values_at(basis.parameter, value))
+    counted = _counted_below(problem, c, linear_solver)
     if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
         return None
+    soft = _symmetric_part(problem)
     factor = factorize_roughly(lambda: in_rows(soft.K - c * soft.M), True, linear_solver)
     return soft_vectors(basis.V, M, K, soft, c, factor, counted)
 
 
 def _symmetric_part(problem: Problem) -> Pencil:
     """Return the pencil of the real symmetric part of K, without damping."""
+    return Pencil(problem.mass, in_rows(sum_matrices(_symmetric_stiffness(problem))), symmetric=True)
+
+
+def _symmetric_stiffness(problem: Problem) -> list[tuple[sp.csr_array, float]]:
+    """Return the matrices whose sum is the real symmetric part of K, and their factors."""
     at, parts = problem.parameters, []
     for t in problem.terms:
         if t.slot == "K" and not t.imaginary and (c := t.coefficient(at)):
             parts.append((t.matrix if t.symmetric else in_rows((t.matrix + t.matrix.T) / 2), c))
-    return Pencil(problem.mass, in_rows(sum_matrices(parts)), symmetric=True)
+    return parts
+
+
+def _counted_below(problem: Problem, c: float, linear_solver: LinearSolver) -> int | None:
+    """Return how many θ of the symmetric part lie below c, rad²/s²; None where the factorisation does not tell.
+
+    K_s − cM is summed from the terms: sums K_s and M beside it and its factors would be the most memory that a large
+    model takes.
+    """
+    mass = [(t.matrix, -c * t.coefficient(problem.parameters)) for t in problem.terms if t.slot == "M"]
+    shifted = [*_symmetric_stiffness(problem), *(part for part in mass if part[1])]
+    try:
+        pivots = negative_eigenvalues(in_rows(sum_matrices(shifted)), linear_solver)
+    except NotConvergedError:
+        return None
+    return None if pivots is None else finite_below(_symmetric_part(problem), pivots, linear_solver)
 
 
 def soft_vectors(
