@@ -192,10 +192,10 @@ class Step:
         has many, and a projection on the first ones has them wrong. Without dampers a decaying mode is the mirror image
         of a growing one, and both are listed.
         """
+        if self.in_theta or any(_creeping(m).any() for m in self.modes_at_ends):
+            return self.between(p)
         modes = self.modes(p, self.reach)
-        if not self.in_theta and not any(_creeping(m).any() for m in self.modes_at_ends):
-            modes = modes.select(np.flatnonzero(~_creeping(modes)))
-        return self._node(self.model, p, modes)
+        return self._node(self.model, p, modes.select(np.flatnonzero(~_creeping(modes))))
 
     def exact(self, p: float) -> Node:
         """Return the same of matrices that are made at the value, and not interpolated.
