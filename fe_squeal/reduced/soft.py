@@ -73,10 +73,11 @@ def vectors_beside(
     clear = int(np.argmax([np.abs(w).min() for w in spectra]))  # no eigenvalue is nearly zero
     c = float(squares[clear])
     problem = basis.problem.at(values_at(basis.parameter, value))
-    counted = _counted_below(problem, c, linear_solver)
+    pivots = _negative_pivots(problem, c, linear_solver)
+    soft = _symmetric_part(problem)
+    counted = finite_below(soft, pivots, linear_solver)
     if counted is not None and counted <= np.count_nonzero(spectra[clear] < 0):
         return None
-    soft = _symmetric_part(problem)
     factor = factorize_roughly(lambda: in_rows(soft.K - c * soft.M), True, linear_solver)
     return soft_vectors(basis.V, M, K, soft, c, factor, counted)
 
@@ -95,19 +96,18 @@ def _symmetric_stiffness(problem: Problem) -> list[tuple[sp.csr_array, float]]:
     return parts
 
 
-def _counted_below(problem: Problem, c: float, linear_solver: LinearSolver) -> int | None:
-    """Return how many θ of the symmetric part lie below c, rad²/s²; None where the factorisation does not tell.
+def _negative_pivots(problem: Problem, c: float, linear_solver: LinearSolver) -> int | None:
+    """Return how many eigenvalues of K_s − cM are negative; None where the factorisation does not tell.
 
-    K_s − cM is summed from the terms: sums K_s and M beside it and its factors would be the most memory that a large
-    model takes.
+    It is summed from the terms and gone with its factors before K_s and M are summed: all of them at once would be the
+    most memory that a large model takes.
     """
     mass = [(t.matrix, -c * t.coefficient(problem.parameters)) for t in problem.terms if t.slot == "M"]
     shifted = [*_symmetric_stiffness(problem), *(part for part in mass if part[1])]
     try:
-        pivots = negative_eigenvalues(in_rows(sum_matrices(shifted)), linear_solver)
+        return negative_eigenvalues(in_rows(sum_matrices(shifted)), linear_solver)
     except NotConvergedError:
         return None
-    return None if pivots is None else finite_below(_symmetric_part(problem), pivots, linear_solver)
 
 
 def soft_vectors(

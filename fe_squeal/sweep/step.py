@@ -189,10 +189,11 @@ class Step:
         """Return what `between` does, without modes that decay and hardly swing if the modes at the ends have none.
 
         A solver that looks for the modes that swing or grow lists none of the others, of which an overdamped problem
-        has many, and a projection on the first ones has them wrong. Without dampers a decaying mode is the mirror image
-        of a growing one, and both are listed.
+        has many, and a projection on the first ones has them wrong. Where nothing is damped a decaying mode is the
+        mirror image of a growing one and belongs to it, with gyroscopic forces too.
         """
-        if self.in_theta or any(_creeping(m).any() for m in self.modes_at_ends):
+        mirrored = self.in_theta or all(t.conservative for t in self.model.terms)
+        if mirrored or any(_creeping(m).any() for m in self.modes_at_ends):
             return self.between(p)
         modes = self.modes(p, self.reach)
         return self._node(self.model, p, modes.select(np.flatnonzero(~_creeping(modes))))
