@@ -59,3 +59,23 @@ def test_onsets_of_a_mode_that_is_not_listed_at_the_ends() -> None:
         found = find_step_onsets(problem, "p", _ENDS, modes, (np.array([1]), np.array([1])), 6.0)
         np.testing.assert_allclose(sorted(o.value for o in found.onsets), exact, rtol=1e-9)
         assert not found.warnings and not found.missing
+
+
+def test_both_of_a_gyroscopic_pair_are_listed_that_grows_faster_than_it_swings() -> None:
+    """λ² = k − g²/2 ± g√(g²/4 − k) of two unstable springs −k, coupled by a gyroscopic force g < 2√k: ±λ and ±λ*."""
+    g, k = 0.5, 4.0
+    spin = sp.csr_array(np.array([[0.0, g], [-g, 0.0]]))
+    terms = (
+        Term("m", "M", sp.eye_array(2, format="csr"), True),
+        Term("k", "K", sp.csr_array(-k * np.eye(2)), True),
+        Term("g", "C", spin, False, skew=True),
+        Term("p", "K", sp.eye_array(2, format="csr"), True, {"p": 1}),
+    )
+    problem = Problem(terms, {"p": 0.0})
+    ends = _ends(problem)
+    first, second = (modes.select(np.flatnonzero(modes.lam.real > 0)) for modes in ends)
+    lam = Step(problem, "p", _ENDS, (first, second), None, "auto").listed(0.5).lam
+    root = np.sqrt(k - 0.5 - g**2 / 2 + g * np.sqrt(g**2 / 4 - (k - 0.5) + 0j))
+    assert abs(root.real) > abs(root.imag)
+    expected = np.array([s * x for s in (1, -1) for x in (root, root.conjugate())])
+    np.testing.assert_allclose(np.sort_complex(lam), np.sort_complex(expected), rtol=1e-9)
