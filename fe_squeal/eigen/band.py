@@ -76,8 +76,8 @@ def band_modes(
             break
         inside = np.sort(modes.lam.imag[(modes.lam.imag <= top) & ~is_beside(modes)])
         missing = max((count or 0) - len(inside), 1)
-        # Modes become denser with their frequency: of a solid their number rises as its square at least, of which the
-        # upper half of the band has three quarters.
+        # The number of modes is taken to rise as the square of the frequency, as a membrane's does: the upper half
+        # of the band has three quarters of them then. Where it rises more slowly, another step follows.
         below = 4 / 3 * max(int(np.count_nonzero(inside > 0.5 * top)), 1)
         step = top * float(np.clip(np.sqrt(1 + 1.3 * (missing + 2) / below) - 1, 0.05, 1.0))
         # How dense modes are says nothing any more where a step has found none.

@@ -13,7 +13,7 @@ class Deflation:
     """z ↦ z − S (LᴴS)⁻¹ Lᴴz for invariant states S = (u, v/σ) of λ²M + λC + K, with left vectors L.
 
     A state (a, b) of the adjoint problem belongs to the left vectors L = (Cᵀa + Mb, σ*Ma). The shift σ cancels in LᴴS,
-    and all arrays of real states stay real where σ is complex. Without C it is S = u and L = Ma.
+    and all arrays of real states stay real where σ is complex. Without C, S = u and L = Ma.
 
     Parameters
     ----------
@@ -40,14 +40,9 @@ class Deflation:
             above, below = slice(len(active)), slice(len(active), None)
             momentum = (lift(transposed, a) + lift(M, b))[active]
             self._parts = [(above, 1.0, u[active], momentum), (below, sigma, v[mass], lift(M, a)[mass])]
-        # The pseudoinverse leaves out directions that are short, so that states and left vectors get unit length.
-        size, size_left = (
-            np.sqrt(sum(np.abs(f) ** (2 * power) * np.linalg.norm(x, axis=0) ** 2 for f, x, power in parts))
-            for parts in (
-                [(factor, S, -1) for _, factor, S, _ in self._parts],
-                [(factor, L, 1) for _, factor, _, L in self._parts],
-            )
-        )
+        # States and left vectors get unit length, since the pseudoinverse takes what is short beside others for zero.
+        size = np.sqrt(sum((np.linalg.norm(S, axis=0) / abs(f)) ** 2 for _, f, S, _ in self._parts))
+        size_left = np.sqrt(sum((np.linalg.norm(L, axis=0) * abs(f)) ** 2 for _, f, _, L in self._parts))
         gram = sum(cross(L.conj(), S) for _, _, S, L in self._parts)
         self._inverse = np.linalg.pinv(gram / np.outer(size_left, size)) / np.outer(size, size_left)
 
