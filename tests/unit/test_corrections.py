@@ -201,15 +201,19 @@ def test_a_mesh_without_modes_says_that_its_error_is_not_known():
         right_corrections(result, refine_problem(result))
 
 
-@pytest.mark.parametrize(("limit", "is_told"), [(6675.0, True), (3440.0, False)])
+@pytest.mark.parametrize(("limit", "is_told"), [(5080.0, True), (2580.0, False)])
 def test_modes_that_a_finer_mesh_brings_into_the_range_are_told(limit, is_told):
-    """The third mode of the plate has 6.88 kHz on the mesh, and 6.52 kHz on the refined one."""
+    """The third mode of the plate has 5.25 kHz on the mesh, and 4.94 kHz on the refined one.
+
+    It is not corrected itself, and so far down only if corrections of the others are exact: the plate is so thin that
+    P is surely factorised.
+    """
     scene = parse_scene({
-        "mesh": {"block": {"length": 0.04, "width": 0.03, "height": 2e-3, "size": 0.01}},
+        "mesh": {"block": {"length": 0.04, "width": 0.03, "height": 1.5e-3, "size": 0.01}},
         "materials": {"m": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}},
         "bodies": {"block": {"material": "m"}}, "supports": [{"surface": "left", "fixed": "xyz"}],
         "solve": {"max_frequency": limit},
     })  # fmt: skip
     found = with_discretisation(sweep(assemble(scene), [0.0], max_frequency=limit))
-    told = [text for text in found.warnings if "are below it on the refined mesh, 1 down to 652" in text]
+    told = [text for text in found.warnings if "are below it on the refined mesh, 1 down to 493" in text]
     assert len(told) == is_told, found.warnings
