@@ -16,6 +16,7 @@ from .refined import ABOVE, Refined
 from .residuals import Residuals
 from .two_level import TwoLevelSolver
 
+_FARTHER = 2.0  # times as much as those below it may a mode above the range fall on the refined mesh; a choice
 
 @dataclass(frozen=True)
 class Correction:
@@ -38,12 +39,19 @@ class Correction:
     right: np.ndarray
     energies: np.ndarray
 
+    def with_more(self, other: Correction, modes: Modes) -> Correction:
+        """Return these and those of the modes behind them; `modes` are all of both."""
+        left = np.hstack([self.left_residuals, other.left_residuals])
+        right = np.hstack([self.right, other.right])
+        return Correction(modes, left, right, np.append(self.energies, other.energies))
+
 
 @one_openblas_thread()
 def right_corrections(result: Sweep, refined: Refined) -> dict[float, Correction]:
     """Return the corrections of right modes, by the value: those in the range at both ends, and those of onsets.
 
-    An onset without a mode of its frequency, a divergence, has none.
+    An onset without a mode of its frequency, a divergence, has none. Modes above the range are among those at the ends
+    if they are so little above it that they may be inside on the refined mesh, by how far those below it come down.
 
     Parameters
     ----------
@@ -64,6 +72,23 @@ def right_corrections(result: Sweep, refined: Refined) -> dict[float, Correction
         raise NotConvergedError(
             "no mode was found on the mesh, so that its error is not known; expected a higher solve.max_frequency"
         )
+    found = _corrected(refined, chosen)
+    if result.max_frequency is None:
+        return found
+    above = 1 + _FARTHER * max(_fall(correction, refined.highest) for correction in found.values())
+    if above > ABOVE:
+        begins = {value: len(found[value].modes) if value in found else 0 for value in _ends(refined)}
+        whole = {value: _in_range(refined, value, above) for value in begins}
+        more = {v: m.select(np.arange(begins[v], len(m))) for v, m in whole.items() if len(m) > begins[v]}
+        for value, correction in _corrected(refined, more).items():
+            found[value] = found[value].with_more(correction, whole[value]) if value in found else correction
+    return found
+
+
+def _corrected(refined: Refined, chosen: Mapping[float, Modes]) -> dict[float, Correction]:
+    """Return the corrections of modes, by the value."""
+    if not chosen:
+        return {}
     residuals = Residuals(refined, list(chosen.values()))
     right, left = (
         np.hstack([side(value, modes) for value, modes in chosen.items()]) for side in (residuals.right, residuals.left)
@@ -91,9 +116,23 @@ def solved(solver: TwoLevelSolver, residuals: np.ndarray) -> tuple[np.ndarray, n
     return parts[:, :k] + 1j * parts[:, k:], energies[:k] + energies[k:]
 
 
+def _fall(correction: Correction, highest: float) -> float:
+    """Return by which share a frequency near the highest one, rad/s, falls, or more than that.
+
+    Without damping θ = ω² becomes less by the energy zᴴPz of the correction.
+    """
+    size = np.maximum(np.abs(correction.modes.lam), highest / 2)
+    return float((correction.energies / (2 * size**2)).max(initial=0.0))
+
+
+def _ends(refined: Refined) -> set[float]:
+    """Return the first value and the last one."""
+    return {float(refined.values[0]), float(refined.values[-1])}
+
+
 def _chosen(result: Sweep, refined: Refined) -> Mapping[float, Modes]:
     model, values = refined.model, refined.values
-    chosen = {float(v): _in_range(model.modes(float(v)), refined) for v in (values[0], values[-1])}
+    chosen = {value: _in_range(refined, value, ABOVE) for value in sorted(_ends(refined))}
     own: dict[float, list[int]] = {}
     for onset in result.onsets if len(values) > 1 else ():
         found = onset_factor(refined, onset, model.modes(onset.value)) if onset.value not in chosen else None
@@ -102,13 +141,14 @@ def _chosen(result: Sweep, refined: Refined) -> Mapping[float, Modes]:
     return chosen | {value: model.modes(value).select(np.unique(which)) for value, which in own.items()}
 
 
-def _in_range(modes: Modes, refined: Refined) -> Modes:
-    """Return the modes up to `ABOVE` times the highest frequency asked for.
+def _in_range(refined: Refined, value: float, above: float) -> Modes:
+    """Return the modes at a value, by rising frequency, up to so many times the highest one asked for.
 
     Without damping λ and −λ* have the same shape and equal errors, and only the one with Re λ ≥ 0 is returned.
     """
-    keep = modes.lam.imag <= ABOVE * refined.highest
-    return modes.select(np.flatnonzero(keep & (refined.problem.is_damped | (modes.lam.real >= 0))))
+    modes = refined.model.modes(value)
+    keep = (modes.lam.imag <= above * refined.highest) & (refined.problem.is_damped | (modes.lam.real >= 0))
+    return modes.select(np.flatnonzero(keep))
 
 
 def _real_if_it_is(x: np.ndarray) -> np.ndarray:

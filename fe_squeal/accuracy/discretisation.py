@@ -122,8 +122,7 @@ def with_changes(result: Sweep, changes: Changes) -> Sweep:
 
 def _entering(result: Sweep, changes: Changes) -> list[str]:
     """Return a sentence if modes above `max_frequency` are below it on the refined mesh."""
-    source = result.problem.source
-    limit = source.scene.solve.max_frequency if isinstance(source, Assembly) else None
+    limit = result.max_frequency
     if limit is None:
         return []
     down: list[float] = []

@@ -39,9 +39,8 @@ _COPIES = 4  # copies of M, C and K on the refined mesh that memory is counted f
 _ROOM = 2  # times the memory of its matrices: so much has to be free for the refined mesh beside a sweep
 _VECTORS = 24  # vectors on the refined mesh that the corrections of one mode take
 _NEAR = 1e-6  # of |λ|: the error up to which modes on the mesh itself come from the sweep's basis; a choice, not a fit
+_KNOWN = 1.1  # times the frequency up to which modes are asked for: so far they are known, as in a sweep of many values
 _BASIS = 10  # vectors in the coarse basis for each mode, where the sweep has made no basis yet
-
-
 ABOVE = 1.02  # times the highest frequency asked for: modes up to this frequency are corrected
 
 
@@ -64,7 +63,7 @@ class Refined:
     values : (m,) float
         Values of the parameter.
     highest : float, rad/s
-        The highest frequency of the modes that were asked for.
+        The highest frequency of the modes that were asked for, or the one up to which all were.
     prolongation : (n_fine, n_coarse) sparse
         Writes a displacement on the mesh itself as one on the refined mesh.
     metric : list of float
@@ -221,6 +220,8 @@ def refine_problem(
     coarse = coarse or factorize_definite_roughly(lambda: weighted(basis.problem, basis.metric), model.linear_solver)
     solver = TwoLevelSolver(P, E, coarse.solve, lambda: factorize(P, True, model.linear_solver).solve)
     highest = max(float(p.modes.lam.imag.max(initial=0.0)) for p in result.points)
+    if result.max_frequency is not None:
+        highest = max(highest, 2 * np.pi * result.max_frequency)  # a mode above it may be below it on the refined mesh
     return Refined(assembly, space, collected, model, axis, at, highest, E, metric, P, solver)
 
 
@@ -236,7 +237,11 @@ def _model(
             transferred = TransferredModel(model, affine, model.basis.problem.value(axis))
             if all(transferred.error(float(p)) <= _NEAR for p in at):
                 return transferred
-    request = Request(count=max(len(p.modes) for p in result.points) + 2)
+    found = max(len(p.modes) for p in result.points)
+    if found and result.max_frequency is not None:
+        request = Request(max_frequency_hz=_KNOWN * result.max_frequency)
+    else:
+        request = Request(count=found + 2)
     return ReducedModel(affine, axis, at, request, linear_solver=linear_solver)
 
 

@@ -19,7 +19,7 @@ from .onset import Onset
 from .refined import Refiner
 from .roots import FAILURES
 from .scale import LINEAR, Scale
-from .scan import Open, Scan, scan
+from .scan import Open, Scan, joined, scan
 from .step import Step
 from .tracking import mirror_partners, modal_assurance
 from .unevenness import is_uneven
@@ -133,16 +133,19 @@ def find_step_onsets(
             f"between {parameter} = {values[0]:.8g} and {values[1]:.8g} matrices change unevenly, as where contacts"
             " open: an onset may be missing"
         )
+    lost = []
     for a, b, omega in seen.unsettled:
         if omega > mattering:
             continue
         if not halved and (doubt := one_in_rounding(step, a, b, omega)) is not None:
             found.doubts.append(doubt)
             continue
-        unsettled.append(
-            f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
-            " their stability to be followed"
-        )
+        lost.append((a, b, omega))
+    unsettled += [
+        f"between {parameter} = {a:.8g} and {b:.8g} modes near {omega / (2 * np.pi):.5g} Hz change too much for"
+        " their stability to be followed"
+        for a, b, omega in joined(lost)
+    ]
     left_open = Found()
     for group in seen.open:
         _tell_open(left_open, group, parameter, below, halved, known)

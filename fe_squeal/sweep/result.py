@@ -61,6 +61,8 @@ class Sweep:
         Every window of instability wider than this, in the parameter, was found.
     unsettled : tuple of str
         The warnings that are about onsets.
+    max_frequency : float or None, Hz
+        All modes up to it were asked for; None if a number of them was.
     """
 
     problem: Problem
@@ -73,6 +75,7 @@ class Sweep:
     reduced_model: ReducedModel | None = field(default=None, repr=False)
     window: float = 0.0
     unsettled: tuple[str, ...] = ()
+    max_frequency: float | None = None
 
     def __repr__(self) -> str:
         ends = f"{self.points[0].value:g} to {self.points[-1].value:g}"

@@ -319,6 +319,7 @@ class RunningSweep:
         return Sweep(
             self.problem, self.parameter, tuple(self.points), onsets, self.completeness, dict(self._clock.seconds),
             (*self.told.warnings, *outside, *vague), self._solver.model, self.window, (*self.told.unsettled, *vague),
+            self.request.max_frequency_hz,
         )  # fmt: skip
 
     def _find_onsets(self, value: float, modes: Modes, branches: np.ndarray, halved: bool) -> Found:

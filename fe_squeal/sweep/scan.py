@@ -21,7 +21,12 @@ _NODES, _NODES_IF_HALVED = 24, 8
 # A group of more modes than this is parted first, as long as further values may be asked for: each of the many samples
 # of a group of m costs 25 m³ operations, a further value about as much as a single sample of all modes.
 _CROWD = 64
+# A group of more modes than this is never sampled, and its stability is told not to be decided: some hundred samples of
+# one of 244 modes took 54 s. Dampers that come with the parameter make hundreds of modes creep over a narrow part of a
+# step, and of all modes at its ends nearly all are one group then.
+_LARGEST = 200
 _RIM = 0.9  # of the highest |λ| known: a mode above this may be known at one value and not at the next
+_NEAR = 0.1  # of a frequency: the same modes are taken to be meant in neighbouring intervals
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,7 @@ def scan(
         opened: list[Open] = []
         begin, end = scale.x(a.value), scale.x(b.value)
         share = (end - begin) / step
+        may_ask = count < _NODES and share > SETTLED
         unsettled = []
         for members in (_without_rim(a, b, *g, known) for g in groups(a, b)):
             if (linear and _is_idle(a, b, members)) or _lowest(a, b, members) > below:
@@ -108,7 +114,8 @@ def scan(
             if len(members[0]) != len(members[1]):
                 opened.append(Open((a, b), members))
                 continue
-            crowded = len(members[0]) > _CROWD and count < _NODES and share > SETTLED
+            size = len(members[0])
+            crowded = size > _LARGEST or (size > _CROWD and may_ask)
             if crowded or not (cluster := cluster_of((a, b), members, scale)).is_smooth:
                 asked.append((begin + end) / 2)
                 unsettled.append(members)
@@ -128,7 +135,7 @@ def scan(
         told = [(a.value, b.value, float(lam.imag[lam.imag >= 0].min(initial=np.inf))) for lam in lams]
         if halved is not None and count >= _NODES_IF_HALVED and any(omega <= halved for *_, omega in told):
             return Scan([], [], told, width, count)
-        if asked and count < _NODES and share > SETTLED:
+        if asked and may_ask:
             rim = 0.05 * (end - begin)
             middle = modes(scale.p(float(np.clip(sorted(asked)[len(asked) // 2], begin + rim, end - rim))))
             count += 1
@@ -139,6 +146,19 @@ def scan(
         result.open.extend(opened)
     changes = sorted(result.changes, key=lambda c: (c.low, c.high))
     return Scan(changes, result.open, result.unsettled, width, count)
+
+
+def joined(intervals: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Return intervals (a, b, ω) with one for each run of those that follow each other at nearly the same ω."""
+    runs: list[tuple[float, float, float]] = []
+    for a, b, omega in sorted(intervals):
+        for i, (first, last, low) in enumerate(runs):
+            if last == a and abs(omega - low) <= _NEAR * max(omega, low):
+                runs[i] = first, b, min(low, omega)
+                break
+        else:
+            runs.append((a, b, omega))
+    return runs
 
 
 def _lowest(a: Node, b: Node, members: tuple[np.ndarray, np.ndarray]) -> float:
