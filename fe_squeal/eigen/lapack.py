@@ -140,17 +140,12 @@ def damped_methods(
         return lam[keep], _back(L, right[:n, keep]), _back(L, left[n:, keep])
 
     def shifted() -> Pairs:
-        """1/(ν − 1) of λ = νs: what C makes fast comes to 0, and what creeps to −1. Only divergence may be near ν = 1.
-
-        S = (A − B)⁻¹B of the linearisation A z = ν B z, by Q(1) = K + C + M alone.
-        """
+        """1/(ν − 1) of λ = νs: what C makes fast comes to 0, and what creeps to −1. Divergence may be near ν = 1."""
         if not np.isfinite(highest):
             raise la.LinAlgError("all eigenvalues are asked for")
         shift = _SHIFT * highest
-        C1, M1 = shift * C, shift**2 * M
-        Q = regular_lu(K + C1 + M1)
-        first, second = (la.lu_solve(Q, part) for part in (C1 + M1, M1))
-        mu, left, right = la.eig(np.block([[-first, -second], [identity - first, -second]]), left=True, right=True)
+        S, Q = inverse_of_companion(M, C, K, shift)
+        mu, left, right = la.eig(S, left=True, right=True)
         keep = np.abs(mu) > np.finfo(float).eps * np.abs(mu).max()
         lam = np.full(len(mu), np.inf, complex)
         lam[keep] = shift * (1 + 1 / mu[keep])
@@ -181,6 +176,24 @@ def damped_methods(
         return lam, right, left
 
     return [standard, shifted, general, by_ranges]
+
+
+def inverse_of_companion(
+    M: np.ndarray, C: np.ndarray, K: np.ndarray, shift: float
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:  # fmt: skip
+    """Return S (2n, 2n) whose eigenvalues are 1/(λ/s − 1) for those of (λ²M + λC + K) x = 0, and factors of Q(s).
+
+    S = (A − B)⁻¹B of the linearisation A z = ν B z with ν = λ/s, by Q(s) = K + sC + s²M alone, for M, C, K (n, n).
+
+    Raises
+    ------
+    LinAlgError
+        The shift s > 0 is an eigenvalue.
+    """
+    C1, M1 = shift * C, shift**2 * M
+    Q = regular_lu(K + C1 + M1)
+    first, second = (la.lu_solve(Q, part) for part in (C1 + M1, M1))
+    return np.block([[-first, -second], [np.eye(len(M)) - first, -second]]), Q
 
 
 def _qz(A: np.ndarray, B: np.ndarray) -> Pairs:

@@ -6,11 +6,13 @@ import numpy as np
 import scipy.linalg as la
 
 from ..eigen.growth import may_grow_dense
+from ..eigen.lapack import inverse_of_companion, regular_lu
 from ..eigen.pencil import Modes, Pencil
 
 _SMALL = 800  # unknowns up to which real eigenvalues are looked for without losses
 _REAL = 1e-9  # of |λ|: an imaginary part that is smaller is rounding
 _RATE = 1e-6  # of the largest |λ|: growth that is slower is rounding
+_TIMES, _TRIED = 4.0, 4  # from one shift that is tried to the next, and how many
 
 
 def growth_beyond(pencil: Pencil, modes: Modes) -> float:
@@ -38,21 +40,38 @@ def growth_beyond(pencil: Pencil, modes: Modes) -> float:
         C = None if full.C is None else np.asarray(full.C).real
         # Where the symmetric part of K is positive nothing diverges, and every θ has a positive real part.
         if may_grow_dense(M, C, K.real, max(least, np.finfo(float).tiny)):
-            found = _fastest(M, K.real) if C is None else _largest_real(M, C, K.real, least)
+            found = _largest_real(M, C, K.real, least, float(np.abs(lam).max(initial=0.0)) or 1.0)
     return found if found > least else 0.0
 
 
-def _fastest(M: np.ndarray, K: np.ndarray) -> float:
-    """Return the largest real λ of λ²M + K, 0 where there is none."""
-    theta = la.eigvals(K, M)
-    real = theta.real[np.isfinite(theta) & (np.abs(theta.imag) <= _REAL * np.abs(theta)) & (theta.real < 0)]
-    return float(np.sqrt(-real).max(initial=0.0))
+def _largest_real(M: np.ndarray, C: np.ndarray | None, K: np.ndarray, least: float, highest: float) -> float:
+    """Return the largest real λ of λ²M + λC + K with real matrices (n, n), 0 where none is above `least`.
 
+    Eigenvalues alone are asked of 1/(λ − s), or of 1/(λ² − s²) without C: a standard problem, several times cheaper
+    than QZ. The symmetric parts show that no real λ is larger than the shift s, whose matrix is regular therefore.
 
-def _largest_real(M: np.ndarray, C: np.ndarray, K: np.ndarray, least: float) -> float:
-    """Return the largest real λ of λ²M + λC + K, 0 where none is above `least`, or M is singular."""
-    n = len(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
-    lam = la.eigvals(A, la.block_diag(np.eye(n), M))
+    Parameters
+    ----------
+    highest : float, rad/s
+        The smallest shift that is tried.
+    """
+    shift = next((s for s in highest * _TIMES ** np.arange(_TRIED) if not may_grow_dense(M, C, K, s)), None)
+    least = max(least, _RATE * (shift or 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if shift is None:
+            lam = _by_qz(M, C, K)
+        elif C is None:
+            nu = la.eigvals(la.lu_solve(regular_lu(K + shift**2 * M), M))
+            lam = np.sqrt((shift**2 - 1 / nu).astype(complex))  # θ + s² = 1/ν and λ² = −θ
+        else:
+            lam = shift * (1 + 1 / la.eigvals(inverse_of_companion(M, C, K, shift)[0]))
     real = lam.real[np.isfinite(lam) & (np.abs(lam.imag) <= _REAL * np.abs(lam)) & (lam.real > least)]
     return float(real.max(initial=0.0))
+
+
+def _by_qz(M: np.ndarray, C: np.ndarray | None, K: np.ndarray) -> np.ndarray:
+    if C is None:
+        return np.asarray(np.sqrt(-la.eigvals(K, M).astype(complex)))
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    return np.asarray(la.eigvals(A, la.block_diag(np.eye(n), M)))

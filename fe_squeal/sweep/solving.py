@@ -240,7 +240,10 @@ class ValueSolver:
         """Return the growth rate, 1/s, of which complex stiffness says nothing at a value, see `growth_beyond`."""
         if self.problem.problem_class != "complex":
             return 0.0
-        return growth_beyond(self.tracked.pencil({self.parameter: value}), modes)
+        clock = self._clock.now()
+        rate = growth_beyond(self.tracked.pencil({self.parameter: value}), modes)
+        self._clock.spend("completeness", clock)
+        return rate
 
     def _describe(self, here: Problem, shapes: np.ndarray) -> Description:
         """Return what modes look like, from their shapes (n, k); empty if the problem has no describer."""

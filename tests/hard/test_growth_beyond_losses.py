@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import scipy.sparse as sp
 
 import fe_squeal
 from fe_squeal.eigen.pencil import Pencil
-from fe_squeal.eigen.quality import modes_from_lambda
+from fe_squeal.eigen.quality import modes_from_lambda, modes_from_theta
 from fe_squeal.problem.problem import Problem
 from fe_squeal.problem.terms import Term
+from fe_squeal.sweep.losses import growth_beyond
 
 
 def term(name, slot, matrix, powers=None, **more):
@@ -140,3 +142,23 @@ def test_fast_flutter_below_the_axis_is_told_unless_its_partner_is_found():
     for chosen, rate in ((grows, 0.0), (grows & (values.imag < 0), values.real[grows & (values.imag < 0)][0])):
         modes = modes_from_lambda(pencil, values[chosen], states[:2, chosen], left[:2, chosen], "")
         assert modes.beyond == pytest.approx(rate) and len(modes) == (rate == 0)
+
+
+@pytest.mark.parametrize("damping", [None, 0.0, 0.05, -0.2])
+@pytest.mark.parametrize("softest", [-1e-6, -0.04, -3.0, -500.0, -1e7])
+def test_slow_and_fast_divergence_beside_flutter(softest, damping):
+    """λ² + cλ + k = 0 of each motion in other coordinates, among them a pair with Im k that flutters faster."""
+    rng, n = np.random.default_rng(17), 24
+    V = rng.standard_normal((n, n))
+    k = np.diag(np.append(rng.uniform(0.1, 1.0, n - 1), softest))
+    k[:2, :2] = [[0.2, 3.0], [-3.0, 0.2]]
+    C = None if damping is None else sp.csr_array(damping * V @ V.T)
+    pencil = Pencil(sp.csr_array(V @ V.T), sp.csr_array(V @ (k + 0j) @ V.T), C)
+    one = np.ones((n, 1))
+    swings = (modes_from_theta(pencil, np.ones(1), one, one, "known") if C is None
+              else modes_from_lambda(pencil, np.array([1.0j]), one, one, "known"))  # fmt: skip
+    c = damping or 0.0
+    rate = -c / 2 + np.sqrt(c**2 / 4 - softest)
+    assert growth_beyond(pencil, swings) == pytest.approx(rate, rel=1e-3 if softest == -1e-6 else 1e-6)
+    stiff = V @ (k + np.diag([*np.zeros(n - 1), 0.1 - softest])) @ V.T
+    assert damping == -0.2 or growth_beyond(replace(pencil, K=sp.csr_array(stiff + 0j)), swings) == 0
