@@ -25,8 +25,10 @@ test: .venv/installed-test
 types: .venv/installed-test
 	$(BIN)/mypy
 
+# PART=K/N: only every N-th file of tests, from the K-th on.
+PART ?= 1/1
 slow: .venv/installed-test
-	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow tests
+	$(BIN)/pytest $(PYTEST_OPTIONS) -m slow --part $(PART) tests
 
 # What is left: pages, decks, fuzzing, kills, full discs, processes, smallest rungs of the benchmarks, further parameters.
 test-all: test

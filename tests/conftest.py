@@ -20,6 +20,12 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add an option that chooses some of the files of tests."""
+    told = "every N-th file of tests from the K-th on, counted round: any K will do"
+    parser.addoption("--part", default="1/1", metavar="K/N", help=told)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let Hypothesis draw the same examples in every run, and vary what `make test-again` asks for."""
     drawn_anew = config.getoption("--hypothesis-seed", None) is not None
@@ -34,13 +40,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what `make test` leaves to `make test-all` as slow, and run the longest tests first.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what `make test` leaves to `make test-all` as slow, and run the longest tests first; leave other parts out.
 
     It leaves pages, decks and folders to it, and combinations of parameters whose values are all in others. A long test
     at the end would leave all cores but one idle.
     """
-    from selection import covering, is_mathematics, parameters  # the folder `tests` is on sys.path only now
+    from selection import covering, in_part, is_mathematics, parameters  # the folder `tests` is on sys.path only now
 
     for item in items:
         if not is_mathematics(item.path):
@@ -52,6 +58,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for some in combinations.values():
         for k in set(range(len(some))).difference(covering([parameters(item) for item in some])):
             some[k].add_marker(pytest.mark.slow)
+    files = in_part(sorted({item.path for item in items}), config.getoption("--part"))
+    config.hook.pytest_deselected(items=[item for item in items if item.path not in files])
+    items[:] = [item for item in items if item.path in files]
     items.sort(key=lambda item: item.get_closest_marker("long") is None)  # a stable sort: the others keep their order
 
 

@@ -36,6 +36,19 @@ def some(values: Iterable[Any], fast: Callable[..., bool]) -> list[Any]:
     return [pytest.param(*row, marks=() if fast(*row) else pytest.mark.slow) for row in rows]
 
 
+def in_part(files: Sequence[Path], part: str) -> set[Path]:
+    """Return the files of a part: "K/N" stands for every N-th one from the K-th on, counted round.
+
+    Examples
+    --------
+    >>> files = [Path("a"), Path("b"), Path("c")]
+    >>> [sorted(str(f) for f in in_part(files, part)) for part in ("1/2", "2/2", "41/2", "1/1")]
+    [['a', 'c'], ['b'], ['a', 'c'], ['a', 'b', 'c']]
+    """
+    k, n = (int(number) for number in part.split("/"))
+    return set(files[(k - 1) % n :: n])
+
+
 def crossed(*axes: Iterable[Any], fast: Callable[..., bool]) -> list[Any]:
     """Return all combinations of the values of several parameters; those for which `fast` is false are slow."""
     return some(itertools.product(*axes), fast)

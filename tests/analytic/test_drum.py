@@ -73,7 +73,7 @@ def test_a_sector_that_ends_within_a_facet_turns_freely(kind, pad):
         assert np.abs(operators.gap @ space.gather(turn)).max() < 1e-12 * FACE
 
 
-@pytest.mark.parametrize("kind", ["hex1", "tet1"])
+@pytest.mark.parametrize("kind", some(["hex1", "tet1"], lambda kind: kind == "hex1"))
 def test_a_cone_turns_freely_too(kind):
     """A surface of revolution whose normals have a part along the axis."""
     mesh = mapped(rings(kind), lambda x: np.stack([x[0] * (1 + 15 * x[2]), x[1] * (1 + 15 * x[2]), x[2]]))

@@ -73,6 +73,7 @@ def test_a_model_of_its_own_gives_the_same(swept, own, monkeypatch):
         assert known.sum() >= 3 and (np.abs(a - b)[known] <= 1e-3 * np.abs(b[known])).all()
 
 
+@pytest.mark.slow
 def test_what_is_begun_beside_the_sweep_is_the_same(monkeypatch):
     """Static states and interpolated matrices of the refined mesh, collected before there are modes."""
     problem = tipping(0.3, load=(0.0, 1.0), height=0.35, cells=4)

@@ -112,9 +112,8 @@ def test_measured_shapes_are_compared_with_every_mode(tmp_path):
     pd.testing.assert_frame_equal(search, plain, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("errors", "nearest"), some(
-    [([0.5, np.nan], 0), ([np.nan, 0.5], 1), ([np.nan, np.nan], 1)], lambda errors, nearest: not nearest
-))  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize(("errors", "nearest"), [([0.5, np.nan], 0), ([np.nan, 0.5], 1), ([np.nan, np.nan], 1)])
 def test_a_trial_whose_error_is_not_known_is_nearer_than_none(tmp_path, monkeypatch, errors, nearest):
     scene, given = load_scene(written(tmp_path, TWO)), iter(errors)
     monkeypatch.setattr(choosing, "_RUNS", 2)

@@ -102,7 +102,9 @@ def test_more_equal_parts_that_diverge_fast_in_other_classes(copies, loss, dampe
     np.testing.assert_allclose(modes.lam[modes.lam.real > 1], np.full(copies, lam), rtol=1e-10)
 
 
-@pytest.mark.parametrize(("copies", "mu", "most"), [(25, 1.0, 400.0), (41, 0.7, 60.0)])
+@pytest.mark.parametrize(
+    ("copies", "mu", "most"), [(25, 1.0, 400.0), pytest.param(41, 0.7, 60.0, marks=pytest.mark.slow)]
+)
 def test_more_equal_parts_that_diverge_than_a_space_of_vectors_parts(copies, mu, most):
     """Each has a diverging mode, and no two of its modes are orthogonal. Others swing beside them."""
     chain = [3 * np.eye(n) - 1.4 * (np.eye(n, k=1) + np.eye(n, k=-1)) for n in (12, 200)]

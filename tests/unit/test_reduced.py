@@ -224,7 +224,7 @@ def test_modal_projection_keeps_its_own_onsets_and_tells_their_errors():
         assert 1e-5 < abs(found.value - onset.value) <= found.uncertainty
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("tolerance", some([1e-4, 1e-3, 1e-2], lambda tolerance: tolerance == 1e-2))
 def test_a_loose_tolerance_loses_no_onset(tolerance):
     """Errors of λ may exceed growth rates, but do not make modes unstable and stable by turns. Onsets are made exact
     one by one, and one that this moves out of the sweep is told."""

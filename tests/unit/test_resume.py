@@ -208,6 +208,7 @@ def test_scene_that_fails_leaves_an_older_checkpoint(
     assert "resuming: 2 of 5 values" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_older_checkpoint_stays_until_there_is_something_to_keep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

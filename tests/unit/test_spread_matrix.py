@@ -283,6 +283,7 @@ def test_other_threads_assemble_alone(spread):
     assert not any(isinstance(t.matrix, SpreadMatrix) for t in found[0].terms)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("swept", ["materials.lining.poisson_ratio", "materials.lining.youngs_modulus"])
 def test_a_sweep_that_makes_matrices_anew(swept, spread, request):
     """The stiffness of one body at each value of a table; a modulus that multiplies."""
@@ -296,6 +297,7 @@ def test_a_sweep_that_makes_matrices_anew(swept, spread, request):
         assert_allclose(a.modes.lam, b.modes.lam, rtol=0, atol=1e-8 * np.abs(b.modes.lam).max())
 
 
+@pytest.mark.slow
 def test_descriptions_of_modes_of_mixed_bodies(spread, request):
     """Shares of energy and motion along the normal, with bubbles in the mixed body."""
     how = {"modes": 6, "method": "reduced", "linear_solver": "mumps" if has_mumps() else "auto"}
