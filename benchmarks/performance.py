@@ -160,7 +160,8 @@ def main() -> None:
         if mesh in known:
             continue
         command = [sys.executable, __file__, "--one", mesh, "--modes", str(given.modes)]
-        done = subprocess.run([*command, "--values", str(given.values)], stdout=subprocess.PIPE, text=True)
+        pages = {**os.environ, "NUMPY_MADVISE_HUGEPAGE": "0"}  # as fe_squeal does where it is imported before NumPy
+        done = subprocess.run([*command, "--values", str(given.values)], stdout=subprocess.PIPE, text=True, env=pages)
         if done.returncode:
             sys.exit(done.returncode)
         known[mesh] = json.loads(done.stdout.splitlines()[-1])

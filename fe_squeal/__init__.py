@@ -49,7 +49,12 @@ what do stiffer springs along the belt change?
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
+
+# Read by NumPy when it is imported: its arrays shall not ask for pages of 2 MB. On a virtual machine that gives freed
+# memory back to its host, each of these takes some ms when it is first written to (benchmarks/pages.py).
+os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
 
 from .errors import InputError as InputError
 from .errors import MeshError as MeshError

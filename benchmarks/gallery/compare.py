@@ -76,6 +76,7 @@ def run(way: str, model: Model, rung: int, values: int, band: float, limit: floa
     """Do what `measure` does in another process, which is ended after `limit` seconds."""
     command = [sys.executable, __file__, "--one", way, model.name, str(rung), str(values), str(band)]
     threads = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    threads["NUMPY_MADVISE_HUGEPAGE"] = "0"  # as fe_squeal does where it is imported before NumPy; for peers, too
     row = {"model": model.name, "way": way, "values": values}
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env={**os.environ, **threads})
